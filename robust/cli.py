@@ -121,7 +121,11 @@ def model(
     ],
     out: Out,
     poles: Annotated[
-        int | None, typer.Option(help="Poles of the nominal model; as many as the data ask for when not given.")
+        int | None,
+        typer.Option(
+            help="Poles of the nominal model. When not given as few as serve the loop of --bandwidth; without it as many "
+            "as the data ask for."
+        ),
     ] = None,
     zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
     delay: Annotated[
@@ -129,6 +133,10 @@ def model(
         typer.Option(
             help="Its delay [s], or 'estimate'. When not given: none with --poles, else where the phase asks for one."
         ),
+    ] = None,
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(help="Crossover [Hz] that the model is for: fit and order serve that loop, not the whole band."),
     ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
@@ -166,7 +174,13 @@ def model(
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
         nominal, words = from_options.fit_nominal_model(
-            blas, n_poles=poles, n_zeros=zeros, delay=tau, dt=sample_time, stable=not unstable
+            blas,
+            n_poles=poles,
+            n_zeros=zeros,
+            delay=tau,
+            dt=sample_time,
+            stable=not unstable,
+            bandwidth=bandwidth,
         )
     print(nominal)
     if words:
@@ -435,19 +449,23 @@ def prove(
 def orders(
     bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
     most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,
-    relative_degree: Annotated[int, typer.Option(help="Poles more than zeros.")] = 1,
+    relative_degree: Annotated[
+        int | None, typer.Option(help="Poles more than zeros; when not given 1, or what is likelier.")
+    ] = None,
     delay: Annotated[str, typer.Option(help="Delay [s], 'estimate', or 'auto': where the phase asks for it.")] = "auto",
+    bandwidth: Annotated[float | None, typer.Option(help="Crossover [Hz] that the model is for.")] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")] = 0.0,
     picture: Picture = None,
 ) -> None:
-    """Fit nominal models of growing order and say which one the data ask for."""
+    """Fit nominal models of growing order and say which one serves a loop, or which one the data ask for."""
     with spinner("fitting nominal models"):
         scan = robust.models.scan_orders(
             from_options.load_blas(bla),
-            n_poles=range(max(relative_degree, 1), most + 1),
+            n_poles=range(relative_degree or 1, most + 1),
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),
             dt=sample_time,
+            omega_c=None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth),
         )
     print(scan)
     if picture is not None:

@@ -1,5 +1,4 @@
 from .fit.nominal import NominalFit as NominalFit
-from .fit.orders import scan_orders as scan_orders
 from .fit.weights import control_weight as control_weight
 from .fit.weights import delay_weight as delay_weight
 from .fit.weights import makeweight as makeweight
@@ -7,5 +6,6 @@ from .sets.family import choose_form as choose_form
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem
 from .sets.interconnection import interconnection as interconnection
+from .sets.orders import scan_orders as scan_orders
 from .sets.records import Origin as Origin
 from .validation import Validation as Validation

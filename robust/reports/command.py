@@ -23,7 +23,7 @@ from robust.io.certificates import certificate_path, save_certificate, verify_ce
 from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
-from robust.models.fit.orders import UNLIKELY_COST, describe_order, scan_orders
+from robust.models.sets.orders import describe_order, scan_orders
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
@@ -83,36 +83,28 @@ def fit_nominal_model(
     delay: float | str | None,
     dt: float,
     stable: bool,
+    bandwidth: float | None,
 ) -> tuple[NominalFit, str]:
-    """Return the nominal model of a given order, or of that which the data ask for, and what is to say of the order."""
+    """Return the nominal model of a given order, or of the one that serves the loop, and what is to say of the order.
+
+    bandwidth : crossover [Hz] that the model is for; without it the order is that which the data ask for.
+    """
     if n_poles is None and n_zeros is not None:
         raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
-
+    omega_c = None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth)
     levels = blas if isinstance(blas, list) else [blas]
-
-    def scan(delay: float | str) -> NominalFit:
-        """Return the fit of the order that one level asks for at most: what one model leaves of several is no order."""
-        fits = [scan_orders(level, delay=delay, dt=dt, stable=stable).fit for level in levels]
-        return max(fits, key=lambda fit: fit.G.nstates)
-
+    if n_poles is None and (omega_c is not None or len(levels) == 1):
+        scan = scan_orders(blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c)
+        return repeat_warnings(scan.fit), f"{scan}"
     if n_poles is None:
-        best = scan("auto" if delay is None else delay)
-        order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
-        if len(levels) == 1:
-            order += ", and none explains all that was measured" if best.p_value < UNLIKELY_COST else ""
-            return repeat_warnings(best), order
+        # of several levels the order that one of them asks for at most: what one model leaves of all is no order
+        scans = [scan_orders(level, delay="auto" if delay is None else delay, dt=dt, stable=stable) for level in levels]
+        best = max((scan.fit for scan in scans), key=lambda fit: fit.G.nstates)
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
-    fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable)
-    if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
-        return fit, ""
-    best = scan("auto")
-    left = (
-        f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
-        f"explain, and this widens the set; the data ask for {describe_order(best)}"
-    )
-    return fit, left
+    fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable, omega_c=omega_c)
+    return fit, ""
 
 
 def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control.StateSpace, float]]:

@@ -15,6 +15,7 @@ from robust.models.fit.rational import partial_fractions, stack_real_imaginary
 
 #: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
 HUGE = 1e150
+MAX_STATIC_STD = 0.5  # relative standard deviation of the static gain from which no number is printed for it
 
 
 @value(copy=False)
@@ -27,8 +28,8 @@ class FitUncertainty:
         In the plane of the model: [rad/s], or z.
     cov_poles, cov_zeros : (n, 2, 2) ndarray
         Covariance of real and imaginary part of each; a real one has no imaginary part.
-    std_gain : float
-        Standard deviation of the gain in front of zeros and poles, relative to it.
+    static_gain, std_static_gain : float
+        Gain at zero frequency [unit of G], infinite with a pole at zero, and its standard deviation, relative to it.
     std_delay : float
         Standard deviation of the delay [s]; nan where it was not estimated.
     separation : (n,) ndarray
@@ -55,7 +56,8 @@ class FitUncertainty:
     zeros: np.ndarray
     cov_poles: np.ndarray
     cov_zeros: np.ndarray
-    std_gain: float
+    static_gain: float
+    std_static_gain: float
     std_delay: float
     separation: np.ndarray
 
@@ -78,6 +80,7 @@ def estimate_uncertainty(
     std: np.ndarray,
     zeros: np.ndarray,
     poles: np.ndarray,
+    gain: float,
     c: float,
     dt: float,
     free_delay: bool,
@@ -96,6 +99,8 @@ def estimate_uncertainty(
         Standard deviation that each line was weighted by.
     zeros, poles : (n,) complex ndarray
         Of the rational function in the plane of s, conjugates side by side.
+    gain : float
+        In front of them.
     c : float
         Cost over the free numbers that are left.
     dt : float
@@ -113,13 +118,18 @@ def estimate_uncertainty(
     sv = np.maximum(sv, max(1e-14 * sv[0], 1 / HUGE))  # what the data do not tell at all has a huge standard deviation
     half = np.clip(right.T / sv / size[:, None], -HUGE, HUGE)
     cov = c / 2 * half @ half.T
-    n_z = zeros.size
+    n_z, at_zero = zeros.size, np.zeros(1, complex)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero
+        static = np.concatenate([[1.0], -partial_fractions(at_zero, zeros)[0], partial_fractions(at_zero, poles)[0]])
+        static_gain = float((gain * np.prod(-zeros) / np.prod(-poles)).real)
+        std_static_gain = float(np.linalg.norm(static.real @ half[: static.size]) * np.sqrt(c / 2))
     return FitUncertainty(
         poles=roots_in_model_plane(poles, dt),
         zeros=roots_in_model_plane(zeros, dt),
         cov_poles=root_covariances(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
         cov_zeros=root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
-        std_gain=float(np.sqrt(cov[0, 0])),
+        static_gain=static_gain,
+        std_static_gain=std_static_gain if np.isfinite(std_static_gain) else float("inf"),
         std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
         separation=separations(zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]),
     )
@@ -182,7 +192,7 @@ def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
     return np.asarray(enough / (enough - n_outputs))
 
 
-def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> float:
+def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: float) -> float:
     """Return the probability that scatter alone leaves a cost as large; nan where no variance was given.
 
     Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the same mean and
@@ -204,18 +214,21 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> floa
     return float(gammaincc(mean**2 / variance, mean / variance * cost))
 
 
-def format_roots(known: FitUncertainty | None, discrete: bool) -> str:
-    """Return poles and zeros with their standard deviations, a line each kind; a pair once."""
+def format_roots(known: FitUncertainty | None, discrete: bool, unit: str) -> str:
+    """Return poles, zeros and static gain with their standard deviations, a line each kind; a pair once."""
     if known is None:
         return ""
-    text = ""
-    unit = "" if discrete else " rad/s"
+    text, unit_of_roots = "", "" if discrete else " rad/s"
     for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
         each = [
             f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
             for r, sd in zip(roots, std, strict=True)
             if r.imag >= 0
         ]
-        text += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
-    text += f"\n  gain: relative std {known.std_gain:.2g}"
+        text += f"\n  {name}{unit_of_roots}: {', '.join(each)}" if each else ""
+    if known.std_static_gain < MAX_STATIC_STD:
+        static = f"{known.static_gain:.4g} {unit}".strip() + f" (relative std {known.std_static_gain:.2g})"
+    else:
+        static = "not determined by the lines"
+    text += f"\n  static gain: {static}"
     return text + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")

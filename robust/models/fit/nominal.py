@@ -12,9 +12,11 @@ import numpy as np
 from nlfrf import Bla, bla_from_frf
 from nlfrf._base.arguments import (
     data_warning,
+    format_hertz,
     keep_warnings,
     require_integer,
     require_nonnegative,
+    require_positive,
     require_real_array,
     short_form,
 )
@@ -24,6 +26,7 @@ from robust._base.warnings import DesignWarning
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
+from robust.models.fit.class_error import loop_tolerance, most_likely_size
 from robust.models.fit.fit_uncertainty import (
     FitUncertainty,
     estimate_uncertainty,
@@ -36,16 +39,16 @@ from robust.models.fit.rational import (
     map_to_model_plane,
     s_plane_points,
 )
-from robust.models.fit.search import FitSearch, FrfData
+from robust.models.fit.search import MAX_ROUNDS, SETTLED, START_SIZES, UNLIKELY_COST, FitSearch, FrfData
 from robust.models.fit.shared_poles import (
+    ErrorMetric,
     FitOptions,
     SharedPoles,
+    error_metric,
     fit_by_vector_fitting,
     fit_shared_poles,
     refine_shared_poles,
     response_derivatives,
-    whiten,
-    whitening_roots,
 )
 from robust.models.fit.weights import MAX_CHOSEN_ORDER, MAX_ORDER
 
@@ -73,8 +76,8 @@ class MatrixFitProblem:
         Of the fit and of the record [rad/s].
     G : (F, n_y, n_u) complex ndarray
         The matrix.
-    left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
-        What whitens its error.
+    metric : ErrorMetric
+        What its error weighs.
     options : dict
         n_poles, rank, direct and stable.
     """
@@ -82,22 +85,41 @@ class MatrixFitProblem:
     points: np.ndarray
     omega: np.ndarray
     G: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
+    metric: ErrorMetric
     options: FitOptions
 
-    def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, ErrorMetric]:
         """Return arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
         turn = np.exp(1j * self.omega[:, None] * tau)
-        return self.points, self.G * turn[:, None], self.left, turn.conj()[:, :, None] * self.right
+        return self.points, self.G * turn[:, None], self.metric.behind_delays(turn)
 
     def fit_behind_delays(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
         """Return the best model behind given delays, from a start or from scratch, with its cost."""
-        points, G, left, right = self.without_delays(tau)
-        model = start or fit_shared_poles(points, G, left=left, right=right, **self.options)
+        points, G, metric = self.without_delays(tau)
+        model = start or fit_shared_poles(points, G, metric=metric, **self.options)
         return refine_shared_poles(
-            points, G, left=left, right=right, model=model, direct=self.options["direct"], stable=self.options["stable"]
+            points, G, metric=metric, model=model, direct=self.options["direct"], stable=self.options["stable"]
         )
+
+    def error(self, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
+        """Return (F, n_y, n_u) what a model behind delays misses."""
+        return self.G - model.response(self.points) * np.exp(-1j * self.omega[:, None] * tau)[:, None]
+
+    def with_class_error(self, model: SharedPoles, tau: np.ndarray) -> tuple[MatrixFitProblem, float]:
+        """Return the problem at the likeliest size of the error of the class, and the negative log likelihood there."""
+        square = np.abs(self.metric.left @ self.error(model, tau) @ self.metric.right) ** 2
+        epsilon, unlikely = most_likely_size(square, np.ones(square.shape), self.metric.tolerance)
+        return replace(self, metric=replace(self.metric, epsilon=epsilon)), unlikely
+
+    def settle(self, model: SharedPoles, tau: np.ndarray) -> tuple[MatrixFitProblem, SharedPoles, float]:
+        """Return the likeliest model near a start and the size of the error of the class, in turn, with their value."""
+        last = np.inf
+        for _ in range(MAX_ROUNDS):
+            weighted, unlikely = self.with_class_error(model, tau)
+            if not unlikely < last - SETTLED:
+                break
+            last, model = unlikely, weighted.fit_behind_delays(tau, model)[0]
+        return weighted, model, unlikely
 
 
 def matrices_given(bla: object) -> list[Bla]:
@@ -137,6 +159,7 @@ def fit_matrix(
     dt: float,
     stable: bool,
     rank: int,
+    omega_c: float | None,
 ) -> NominalFit:
     """Return the fit of a matrix, measured once or at several levels: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
@@ -149,41 +172,70 @@ def fit_matrix(
     if n_zeros not in (None, n_poles):
         raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}")
     measured = np.concatenate([one.G for one in frms], axis=2)
-    left, right = (np.concatenate(roots) for roots in zip(*map(whitening_roots, frms), strict=True))
+    dof = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
+    var = np.concatenate([one.entries(one.cov.bound) for one in frms], axis=2)
+    crossover = checked_crossover(omega_c, omega, measured, var=var, dof=dof, dt=dt)
     sought = MatrixFitProblem(
         # j omega, or its bilinear image: both kinds of model are fitted in the s plane
         points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
         omega=omega,
         G=np.moveaxis(measured, 2, 0),
-        left=left,
-        right=right,
+        metric=error_metric(frms, crossover),
         options={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
     )
     model, tau = estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
     if 2 * measured.size < n_parameters:
         raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
-    response = np.moveaxis(model.response(sought.points), 0, 2) * np.exp(-1j * omega * tau[:, None])
-    residual = measured - response
-    weighted = left @ np.moveaxis(residual, 2, 0) @ right
-    dof = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
+    whitened = sought.metric.whiten(sought.error(model, tau))
     expected = frm.n_outputs * frm.n_inputs * np.sum(expected_ratio(dof, frm.n_outputs))
+    share, cost = 1 - n_parameters / (2 * measured.size), float(whitened @ whitened)
+    # by the law of one entry, which is the widest
+    p_value = probability_of_cost(
+        cost / expected * np.sum(expected_ratio(dof)), dof, n_parameters / (frm.n_outputs * frm.n_inputs)
+    )
+    unlikelihood = cost * measured.size / expected
+    if p_value < UNLIKELY_COST:
+        sought, model, tau, unlikelihood = fit_with_class_error(sought, model, tau, free=estimated and not dt)
+    residual = np.moveaxis(sought.error(model, tau), 0, 2)
+    whitened = replace(sought.metric, epsilon=0.0).whiten(sought.error(model, tau))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)
     return NominalFit(
         G=discretize(G, dt) if dt else G,
         delay=float(tau.min()),
         delays=tau,
         omega=omega,
-        response=response,
+        response=measured - residual,
         residual=residual,
-        std=np.concatenate([np.sqrt(one.entries(one.cov.bound)) for one in frms], axis=2),
-        cost=float(np.sum(np.abs(weighted) ** 2)),
-        expected_cost=float(expected * (1 - n_parameters / (2 * measured.size))),
+        std=np.sqrt(var),
+        cost=float(whitened @ whitened),
+        expected_cost=float(expected * share),
         n_parameters=n_parameters,
+        class_std=np.moveaxis(sought.metric.epsilon * sought.metric.entry_tolerance, 0, 2),
+        unlikelihood=unlikelihood,
+        omega_c=crossover,
+        p_value=p_value,
         hold=frm.hold if len({one.hold for one in frms}) == 1 else "unknown",
         inputs=frm.inputs,
         outputs=frm.outputs,
     )
+
+
+def fit_with_class_error(
+    sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray, *, free: bool
+) -> tuple[MatrixFitProblem, SharedPoles, np.ndarray, float]:
+    """Return the likeliest fit of a class that misses something: from the fit to scatter alone, and from scratch.
+
+    free : whether the delays are estimated; they are then estimated again where errors of the class count.
+    """
+    begun = [(model, tau)]
+    for epsilon in START_SIZES:
+        weighted, delays = replace(sought, metric=replace(sought.metric, epsilon=epsilon)), begun[-1][1]
+        once = free and len(begun) == 1
+        begun.append(estimate_input_delays(weighted, 0.0) if once else (weighted.fit_behind_delays(delays)[0], delays))
+    settled = [(*sought.settle(*start), start[1]) for start in begun]
+    weighted, model, unlikelihood, tau = min(settled, key=lambda found: found[2])
+    return weighted, model, tau, unlikelihood
 
 
 def checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
@@ -244,30 +296,30 @@ def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
     falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]
     size = np.sum(np.abs(G[rises + 1] * G[rises]), axis=(1, 2))
     longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega.max())
-    one = replace(sought, G=G, right=np.ones((omega.size, 1, 1)))
+    left = np.eye(G.shape[1]) / sought.metric.entry_std()[:, :, i, None]
+    column = ErrorMetric(left, np.ones((omega.size, 1, 1)), np.zeros(G.shape), np.zeros(G.shape))
+    one = replace(sought, G=G, metric=column)
     n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MAX_DELAY_TRIALS)
 
     def cost(tau: float) -> float:
         """Return what vector fitting alone leaves."""
-        points, G, left, right = one.without_delays(np.array([tau]))
-        residual = left @ (
-            G - fit_by_vector_fitting(points, G, left=left, right=right, **sought.options).response(points)
-        )
-        return float(np.sum(np.abs(residual) ** 2))
+        points, G, metric = one.without_delays(np.array([tau]))
+        residual = metric.whiten(G - fit_by_vector_fitting(points, G, metric=metric, **sought.options).response(points))
+        return float(residual @ residual)
 
     return float(min(np.linspace(0.0, longest, n), key=cost))
 
 
 def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
     """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model together."""
-    points, G, left, right = sought.without_delays(tau)
+    points, G, metric = sought.without_delays(tau)
     turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
     by_model = response_derivatives(points, model, direct=sought.options["direct"], stable=sought.options["stable"])
 
-    J = whiten(left, np.concatenate([-by_delay, by_model]), right).T
+    J = metric.whiten(np.concatenate([-by_delay, by_model])).T
     scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-    step = np.linalg.lstsq(J / scale, whiten(left, G - model.response(points), right), rcond=1e-12)[0] / scale
+    step = np.linalg.lstsq(J / scale, metric.whiten(G - model.response(points)), rcond=1e-12)[0] / scale
     return np.asarray(step[: tau.size])
 
 
@@ -282,34 +334,17 @@ INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
 EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
 
 
-def warn_of_fit(
-    G: control.StateSpace, measured: FrfData, *, residual: np.ndarray, expected: float, one_record: bool
-) -> None:
-    """Warn of a fit that misses what was measured, or that has poles where nothing was measured.
-
-    Parameters
-    ----------
-    G : control.StateSpace
-        The model without its delay.
-    measured : Lines
-        What it was fitted to: omega [rad/s], G and variance var of each line.
-    residual : (F,) complex ndarray
-        What it leaves.
-    expected : float
-        What scatter alone would leave of sum |residual|^2 / var; nan where no variance was given.
-    one_record : bool
-        Whether it is the BLA of one record: misfit is the point of a family of several levels.
-    """
-    omega, var = measured.omega, np.maximum(measured.var, (HARMLESS_SHARE * np.abs(measured.G)) ** 2)
-    ratio = float(np.sum(np.abs(residual) ** 2 / var)) / expected
+def warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
+    """Warn of a fit that misses what one record measured, or that has poles where nothing was measured."""
+    omega, var = lines.omega, np.maximum(lines.var, (HARMLESS_SHARE * np.abs(lines.G)) ** 2)
+    ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
     if one_record and ratio > COST_LIMIT:
         data_warning(
-            f"a nominal model of {G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
-            "scatter alone would leave, and the misfit goes into the radius. More poles or a delay: robust orders "
-            "(scan_orders) says what the data ask for",
+            f"a nominal model of {fit.G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
+            f"scatter alone would leave, and the misfit goes into the radius. {fit.describe_class_error()}",
             DesignWarning,
         )
-    far = poles_outside(G, omega)
+    far = poles_outside(fit.G, omega)
     if far.size:
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
         data_warning(
@@ -360,14 +395,21 @@ class NominalFit:
     residual : (F,) complex ndarray, or (n_y, n_u, F)
         Measured minus response.
     std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of each line that the fit was weighted by; nan where no variance was given.
+        Standard deviation of the scatter of each line; nan where no variance was given.
     cost : float
-        Sum of |residual|^2 / var.
+        Sum of |residual|^2 / std^2.
     expected_cost : float
         What the cost would be if the model were right and only scatter were left; nan where no variance was
         given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
     n_parameters : int
         Free real parameters.
+    class_std : (F,) ndarray, or (n_y, n_u, F)
+        Standard deviation of what the class of models misses on each line, by the fit: the lines were weighted by it,
+        too. Zero where scatter explains what is left.
+    unlikelihood : float
+        Negative log likelihood of the fit, error of the class included, over that of its scatter alone.
+    omega_c : float
+        Crossover of the loop it was fitted for [rad/s]; nan where none was named.
     uncertainty : FitUncertainty
         Standard deviations of its poles, zeros, gain and delay; None where the fit was not made by `fit_nominal`.
     p_value : float
@@ -401,6 +443,9 @@ class NominalFit:
     cost: float
     expected_cost: float
     n_parameters: int
+    class_std: np.ndarray
+    unlikelihood: float
+    omega_c: float = float("nan")
     uncertainty: FitUncertainty | None = None
     p_value: float = float("nan")
     hold: str = "unknown"
@@ -419,7 +464,26 @@ class NominalFit:
             f"nominal model: {self.G.nstates} poles, {kind}, delay {delays_in_ms} ms; "
             f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
             + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
-            + format_roots(self.uncertainty, bool(self.G.dt))
+            + (f"\n  {self.describe_class_error()}" if np.any(self.class_std) else "")
+            + format_roots(self.uncertainty, bool(self.G.dt), self.unit)
+        )
+
+    @property
+    def criterion(self) -> float:
+        """Return the Bayesian criterion: negative log likelihood, and ln(2 lines)/2 for each parameter."""
+        return float(self.unlikelihood + self.n_parameters / 2 * np.log(2 * self.response.size))
+
+    def describe_class_error(self) -> str:
+        """Describe what the class misses beyond scatter, as a share of |G|: below the crossover, and at its worst."""
+        channels = tuple(range(self.response.ndim - 1))
+        beyond = np.sum(np.maximum(np.abs(self.residual) ** 2 - np.nan_to_num(self.std) ** 2, 0.0), axis=channels)
+        size = np.sum(np.abs(self.response + self.residual) ** 2, axis=channels)
+        share = np.sqrt(beyond / np.maximum(size, np.finfo(float).tiny))
+        low, worst = ~(self.omega > self.omega_c), int(np.argmax(share))
+        band = "" if np.isnan(self.omega_c) else f" below {format_hertz(self.omega_c)}"
+        return (
+            f"error of the class: {100 * np.sqrt(np.mean(share[low] ** 2)):.2g} % of |G|{band} (rms over lines), "
+            f"at most {100 * share[worst]:.2g} % at {format_hertz(self.omega[worst])}"
         )
 
 
@@ -467,13 +531,19 @@ def fit_nominal(
     stable: bool = True,
     std: np.ndarray | None = None,
     rank: int = 1,
+    omega_c: float | None = None,
 ) -> NominalFit:
     """Fit a transfer function to a measured FRF: the model a controller is designed on.
 
-    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k. Starts are vector fitting with that numerator
-    from two sets of poles and poles on the peaks, each behind the best delays of a scan; where scatter does not explain
-    what they leave, also the fit of two poles and zeros less with a pair where its residual asks for one. Each is
-    refined by Levenberg-Marquardt over second-order sections in scaled frequency, where every section keeps its digits.
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k where scatter explains what is left of it. Where it does
+    not, the class of models misses something, and what it misses is an error of its own next to the scatter, of a size
+    that is estimated with the model: sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) +
+    ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2 with |G| smoothed over an octave.
+
+    Starts are vector fitting with that numerator from two sets of poles and poles on the peaks, each behind the best
+    delays of a scan; where scatter does not explain what they leave, also the fit of two poles and zeros less with a
+    pair where its residual asks for one. Each is refined by Levenberg-Marquardt over second-order sections in scaled
+    frequency, where every section keeps its digits.
 
     Parameters
     ----------
@@ -483,8 +553,8 @@ def fit_nominal(
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros, n_poles - 1 when not given. Of several channels none is given, or
-        n_poles for a direct term.
+        Number of zeros. When not given as many as the data show, n_poles - 1 at most, or n_poles where the delay is
+        estimated and they are likelier. Of several channels none is given, or n_poles for a direct term.
     delay : float or "estimate"
         Delay [s] in series; in discrete time a whole number of samples. Of several channels also (n_u,),
         one for each input.
@@ -498,6 +568,9 @@ def fit_nominal(
         and no cost is expected; with several channels it must be given.
     rank : int
         Rank of the residues of several channels: 2 for the equal modes of a symmetric machine.
+    omega_c : float, optional
+        Crossover [rad/s] of the loop that the model is for. A model of few poles for a machine of many serves that loop
+        then: |T_c| = 1/sqrt(1 + (omega/2 omega_c)^4) says what it tolerates. When not given |T_c| is one.
 
     Returns
     -------
@@ -507,11 +580,13 @@ def fit_nominal(
     ------
     ValueError
         Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
-        not a whole number of samples, lines beyond the Nyquist frequency of `dt`.
+        not a whole number of samples, lines beyond the Nyquist frequency of `dt`, a crossover outside the lines or
+        where |G| is below its bound.
 
     References
     ----------
-    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values).
+    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values); Goodwin, Gevers & Ninness 1992 (error
+    of the class); de Callafon & Van den Hof 1995 (models for a loop).
 
     Examples
     --------
@@ -533,16 +608,49 @@ def fit_nominal(
             dt=dt,
             stable=stable,
             rank=rank,
+            omega_c=omega_c,
         )
-    search = start_search(bla, std, dt=dt, stable=stable, delay=delay)
-    return nominal_of_roots(search, bla, search.best(checked_orders(search, n_poles, n_zeros)))
+    search = start_search(bla, std, dt=dt, stable=stable, delay=delay, omega_c=omega_c)
+    return likeliest_fit(search, bla, n_poles, n_zeros)
+
+
+@keep_warnings
+def likeliest_fit(
+    search: FitSearch, bla: Measurement, n_poles: int, n_zeros: int | None, *, fewer: Sequence[Roots] | None = None
+) -> NominalFit:
+    """Return the fit of so many poles; where the number of zeros is open, that of the lowest criterion.
+
+    Zeros above the band that the data do not show are none: `fewer` are fits without them, where they were made. A
+    direct term is tried where a delay is estimated, which a zero too few would shorten; a sampled plant behind a hold
+    has none.
+    """
+    orders = checked_orders(search, n_poles, n_zeros)
+    weighted, roots = search.best_with_class_error(orders)
+    tried = [(weighted, roots)]
+    if weighted is search and fewer is not None:
+        tried += [(search, one) for one in fewer]
+    elif n_zeros is None or fewer is not None:
+        highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
+        tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
+    if n_zeros is None and search.delay is None and not search.dt and n_poles < search.lines.omega.size:
+        tried.append(search.best_with_class_error((n_poles, n_poles)))
+    fit = min((nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
+    one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
+    warn_of_fit(fit, search.lines, one_record=one_record)
+    return fit
 
 
 def start_search(
-    bla: Measurement, std: np.ndarray | None, *, dt: float, stable: bool, delay: float | str | np.ndarray
+    bla: Measurement,
+    std: np.ndarray | None,
+    *,
+    dt: float,
+    stable: bool,
+    delay: float | str | np.ndarray,
+    omega_c: float | None,
 ) -> FitSearch:
     """Return the search for fits of one input and one output, of any order."""
-    lines = measured_lines(bla, std, dt)
+    lines = measured_lines(bla, std, dt, omega_c)
     if isinstance(delay, str) and delay != "estimate":
         raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
     known = None if isinstance(delay, str) else require_nonnegative("delay", delay)
@@ -551,41 +659,41 @@ def start_search(
     return FitSearch(lines=lines, dt=dt, stable=stable, delay=known)
 
 
-def nominal_of_roots(search: FitSearch, bla: Measurement, roots: Roots) -> NominalFit:
-    """Return a fit that a search found, with what is known of it, and warn of it."""
+def nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> NominalFit:
+    """Return a fit that a search found, with what is known of it."""
     lines, dt, n_parameters = search.lines, search.dt, search.n_parameters(roots)
     zeros, poles, gain, tau, cost = roots
     model = search.response(roots)
     residual = lines.G - model
     left = max(lines.omega.size - n_parameters / 2, 0.5)
     expected = float(np.sum(expected_ratio(lines.dof)) * (left / lines.omega.size))
-    scale = np.fmax(cost, expected) / left
-    s = s_plane_points(lines.omega, dt)
-    G = from_roots(*map_to_model_plane(zeros, poles, gain, dt, poles.size - zeros.size), dt)
-    one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
-    warn_of_fit(G, lines, residual=residual, expected=expected, one_record=one_record)
+    scatter = float(np.sum(np.abs(residual) ** 2 / lines.var))
     return NominalFit(
-        G=G,
+        G=from_roots(*map_to_model_plane(zeros, poles, gain, dt, poles.size - zeros.size), dt),
         delay=float(tau),
         omega=lines.omega,
         response=model,
         residual=residual,
         std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
-        cost=float(np.sum(np.abs(residual) ** 2 / lines.var)),
+        cost=scatter,
         expected_cost=expected,
         n_parameters=n_parameters,
+        class_std=lines.epsilon * lines.tolerance,
+        unlikelihood=search.unlikelihood(roots),
+        omega_c=lines.omega_c,
         uncertainty=estimate_uncertainty(
-            s,
+            s_plane_points(lines.omega, dt),
             lines.omega,
             model=model,
-            std=np.sqrt(lines.var),
+            std=np.sqrt(lines.total_var),
             zeros=zeros,
             poles=poles,
-            c=scale,
+            gain=gain,
+            c=np.fmax(cost, expected) / left,
             dt=dt,
             free_delay=search.delay is None and not dt,
         ),
-        p_value=probability_of_cost(cost, lines.dof, n_parameters),
+        p_value=probability_of_cost(scatter, lines.dof, n_parameters),
         hold=lines.hold,
         unit=getattr(bla[0] if isinstance(bla, Sequence) else bla, "unit", ""),
     )
@@ -667,8 +775,11 @@ def given_lines(
     return omega, G, var, np.full(G.size, np.inf)
 
 
-def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfData:
-    """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has."""
+def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None) -> FrfData:
+    """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has.
+
+    What a class may miss on a line is what a loop with that crossover tolerates, [rad/s].
+    """
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):
         omega, G, var, dof = given_lines(bla, std, dt)
@@ -692,7 +803,47 @@ def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfDa
         raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
     # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
     floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
-    return FrfData(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
+    dof, crossover = np.where(np.isinf(dof), 1e12, dof), checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt)
+    tolerance = loop_tolerance(omega, G, crossover)
+    if np.isnan(dof).any() and omega_c is not None:  # no scatter is known: the loop alone says what a line counts for
+        var = tolerance**2
+    return FrfData(
+        omega=omega,
+        G=G,
+        var=np.maximum(var, floor),
+        dof=dof,
+        tolerance=tolerance,
+        omega_c=crossover,
+        hold=hold,
+    )
+
+
+def checked_crossover(
+    omega_c: float | None, omega: np.ndarray, G: np.ndarray, *, var: np.ndarray, dof: np.ndarray, dt: float
+) -> float:
+    """Return the crossover [rad/s] of a loop for the lines of G (..., F), nan for none; refuse one no model can serve.
+
+    var, dof : (..., F), (F,) variance of G, and the degrees of freedom behind it.
+    """
+    if omega_c is None:
+        return float("nan")
+    omega_c = require_positive("omega_c", omega_c)
+    low, high, asked = omega.min(), omega.max(), f"{format_hertz(omega_c)} ({omega_c:.4g} rad/s)"
+    if dt and omega_c * dt >= np.pi:
+        raise ValueError(f"omega_c must lie below the Nyquist frequency {format_hertz(np.pi / dt)}, got {asked}")
+    if not low <= omega_c <= high:
+        raise ValueError(
+            f"omega_c must lie in the measured band, {format_hertz(low)} to {format_hertz(high)}, got {asked}"
+        )
+    k = int(np.argmin(np.abs(omega - omega_c)))
+    size = np.abs(G[..., k])
+    bound = np.sqrt(dof[k] * np.expm1(-np.log(0.05) / dof[k]) * var[..., k])  # of F(2, 2 dof), at 95 %
+    if np.all(size <= bound):
+        raise ValueError(
+            f"omega_c must lie where |G| is above its bound, got {asked}, where |G| = {size.max():.3g} and its "
+            f"bound {bound.max():.3g}"
+        )
+    return omega_c
 
 
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:

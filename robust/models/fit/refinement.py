@@ -15,6 +15,7 @@ from robust.models.fit.rational import Roots, stack_real_imaginary
 STABLE_RATIO = 1e-8  # of the lowest point: nearer the axis no stable pole comes
 MIN_DAMPING, MAX_DAMPING = 1e-12, 1e3  # of a step, over the largest singular value squared
 N_STEPS = 150
+CONVERGED = 1e-8  # relative change of the cost in a step that ends the search
 
 
 def refine(
@@ -26,10 +27,12 @@ def refine(
     factor: Callable[[float], np.ndarray],
     omega: np.ndarray | None = None,
     stable: bool = True,
+    tolerance: float = CONVERGED,
 ) -> Roots:
     """Refine by Levenberg-Marquardt on the weighted error, over second-order sections in scaled frequency.
 
-    factor(delay) is what multiplies the rational function; the delay itself is refined where omega is given.
+    factor(delay) is what multiplies the rational function; the delay itself is refined where omega is given. It ends
+    where a step lowers the cost by no more than a relative tolerance.
     """
     zeros, poles, gain, delay, _ = start
     free_delay = omega is not None
@@ -44,24 +47,30 @@ def refine(
     slope = -1j * omega / omega.max() if omega is not None else x
     delay_unit = 1 / omega.max() if omega is not None else 0.0
 
-    def model(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
-        out = base * theta[0] * factor(tau)
-        top, d_top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
-        bottom, d_bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
-        for one, other in zip_longest(top, bottom, fillvalue=1.0):
-            out = out * one / other
-        relative = [np.full(x.size, 1 / theta[0] if theta[0] else 1.0, dtype=complex), *d_top, *(-d for d in d_bottom)]
-        if free_delay:
-            relative.append(slope)
-        return out, np.column_stack(relative) * out[:, None]
-
-    def error(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def error(theta: np.ndarray) -> tuple[np.ndarray, float, Callable[[], np.ndarray]]:
+        """Return the weighted error, its sum of squares, and what gives its derivatives by the parameters."""
         with np.errstate(all="ignore"):
-            out, jacobian = model(theta)
+            tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
+            out = base * theta[0] * factor(tau)
+            top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
+            bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
+            for one, other in zip_longest(top, bottom, fillvalue=1.0):
+                out = out * one / other
             e = stack_real_imaginary((data - out) * weight)
             cost = float(e @ e)
-        return e, stack_real_imaginary(jacobian * weight[:, None]), cost if np.isfinite(cost) else np.inf
+
+        def derivatives() -> np.ndarray:
+            J = np.empty((theta.size, x.size), dtype=complex)
+            J[0] = 1 / theta[0] if theta[0] else 1.0
+            relative_slopes(x, top, out=J[1 : 1 + n_zero])
+            relative_slopes(x, bottom, out=J[pole_part])
+            np.negative(J[pole_part], out=J[pole_part])
+            if free_delay:
+                J[-1] = slope
+            J *= out * weight
+            return np.concatenate([J.real, J.imag], axis=1)
+
+        return e, cost if np.isfinite(cost) else np.inf, derivatives
 
     low = np.full(theta.size, -np.inf)
     if stable:
@@ -72,24 +81,29 @@ def refine(
         theta = np.maximum(theta, low)
     if free_delay:
         low[-1] = -delay / delay_unit
-    e, J, cost = error(theta)
+    e, cost, derivatives = error(theta)
     damping = 1e-3
     for _ in range(N_STEPS):
-        before = cost
-        solve = damped_solver(J, e, free=(theta > low) | (J.T @ e > 0))
+        before, J = cost, derivatives()
+        if not np.isfinite(J).all():
+            break
+        # squared slopes keep the digits that the least damping leaves, and cost a tenth of singular values
+        H, g = J @ J.T, J @ e
+        solve = damped_solver(H, g, free=(theta > low) | (g > 0))
         while damping < MAX_DAMPING:
             step = solve(damping)
             below = theta + step < low
             if below.any():  # the others move with those held at their bounds
                 held = np.where(below, low - theta, 0.0)
-                step = np.where(below, held, damped_solver(J, e - J @ held, free=~below & (step != 0))(damping))
+                step = np.where(below, held, damped_solver(H, g - H @ held, free=~below & (step != 0))(damping))
             trial = np.maximum(theta + step, low)
-            e_new, J_new, cost_new = error(trial)
-            if cost_new < cost and np.isfinite(J_new).all():
-                theta, e, J, cost, damping = trial, e_new, J_new, cost_new, max(damping / 10, MIN_DAMPING)
+            e_new, cost_new, derivatives_new = error(trial)
+            if cost_new < cost:
+                theta, e, cost, derivatives = trial, e_new, cost_new, derivatives_new
+                damping = max(damping / 10, MIN_DAMPING)
                 break
             damping *= 6
-        if not cost < before * (1 - 1e-8):
+        if not cost < before * (1 - tolerance):
             break
     zeros = order_roots(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
     poles = order_roots(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole) * unit)
@@ -97,15 +111,15 @@ def refine(
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
 
 
-def damped_solver(J: np.ndarray, e: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
-    """Return what gives the damped least squares step of the free parameters; the others stay."""
-    scale = np.linalg.norm(J, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    left, sv, right = np.linalg.svd(J * (free / scale), full_matrices=False)
-    along = left.T @ e
+def damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
+    """Return what gives the damped least squares step of the free parameters from J'J and J'e; the others stay."""
+    size = np.sqrt(np.diag(H))
+    scale = free / np.where(size > 0, size, 1.0)
+    squares, axes = np.linalg.eigh(H * scale * scale[:, None])
+    along = axes.T @ (g * scale)
 
     def step(damping: float) -> np.ndarray:
-        return np.asarray(right.T @ (sv / (sv**2 + damping * sv[0] ** 2 + np.finfo(float).tiny) * along) * free / scale)
+        return np.asarray(axes @ (along / (squares.clip(0.0) + damping * squares[-1] + np.finfo(float).tiny)) * scale)
 
     return step
 
@@ -116,16 +130,22 @@ def section_coefficients(roots: np.ndarray) -> np.ndarray:
     return np.array([c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest])
 
 
-def evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the value of each section at x, and the relative derivative by each parameter."""
-    out, slopes = [], []
-    for k in range(0, n - n % 2, 2):
-        out.append(x * x + theta[k] * x + theta[k + 1])
-        slopes += [x / out[-1], 1 / out[-1]]
+def evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarray]:
+    """Return the value of each section."""
+    sections = [x * x + theta[k] * x + theta[k + 1] for k in range(0, n - n % 2, 2)]
     if n % 2:
-        out.append(x + theta[-1])
-        slopes.append(1 / out[-1])
-    return out, slopes
+        sections.append(x + theta[-1])
+    return sections
+
+
+def relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
+    """Put the derivative of each section by each of its parameters, over its value, into out (n, W)."""
+    with np.errstate(all="ignore"):
+        for k, section in enumerate(sections):
+            rows = out[2 * k : 2 * k + 2]
+            rows[-1] = 1 / section
+            if len(rows) == 2:
+                np.multiply(x, rows[-1], out=rows[0])
 
 
 def roots_from(theta: np.ndarray, n: int) -> np.ndarray:

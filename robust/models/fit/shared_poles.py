@@ -2,7 +2,8 @@
 
     G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
 
-minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. The poles of a machine are those of all its
+minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2, and what the class of models may miss counts next
+to that scatter as in `robust.models.fit.class_error`. The poles of a machine are those of all its
 entries, and a mode moves one shape: residues of rank one, n states and not n n_u for n poles. Started by vector fitting
 with poles shared by all entries, residues cut to their rank; then Levenberg-Marquardt on p, C and B, with least-norm
 steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
@@ -10,6 +11,7 @@ steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypedDict
 
 import control
@@ -19,6 +21,7 @@ from scipy.linalg import block_diag
 from nlfrf import Bla
 from nlfrf._base.values import value
 from robust.lti.realisation import order_roots
+from robust.models.fit.class_error import balance, loop_tolerance
 from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
 N_RELOCATIONS, N_STEPS = 15, 60
@@ -84,19 +87,83 @@ class SharedPoles:
         return control.StateSpace(block_diag(*A), np.vstack(B), np.hstack(C), self.direct, 0)
 
 
-def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F, n_y, n_y) and (F, n_u, n_u) roots that whiten the error of a measured matrix.
+@value(copy=False, kw_only=False)
+class ErrorMetric:
+    """What an error of a measured matrix weighs: by its scatter, and by what the class of models may miss.
 
-    Directions in which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of
-    |G|: below it a variance is rounding, or one nonlinearity alone, and would be all that counts.
+    Fields
+    ------
+    left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
+        Roots that make of an error E = left E right one of independent entries: scatter has variance one in each.
+    tolerance : (F, n_y, n_u) ndarray
+        Standard deviation there of an error of the class of size one.
+    entry_tolerance : (F, n_y, n_u) ndarray
+        The same of the entries of E themselves [unit of G].
+    epsilon : float
+        Size of the error of the class.
     """
-    gamma = np.moveaxis(frm.cov.gamma, 2, 0)
-    size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.cov.gamma).real
-    rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
-    return (
-        hermitian_power(np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=MIN_EIGENVALUE_RATIO, least=rounding[:, None]),
-        hermitian_power(gamma, -0.5, share=MIN_EIGENVALUE_RATIO),
+
+    left: np.ndarray
+    right: np.ndarray
+    tolerance: np.ndarray
+    entry_tolerance: np.ndarray
+    epsilon: float = 0.0
+
+    @property
+    def total_var(self) -> np.ndarray:
+        """Return (F, n_y, n_u) variances of the entries of left E right."""
+        return 1 + (self.epsilon * self.tolerance) ** 2
+
+    def whiten(self, E: np.ndarray) -> np.ndarray:
+        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+        flat = (self.left @ E @ self.right / np.sqrt(self.total_var)).reshape(*E.shape[:-3], -1)
+        return np.concatenate([flat.real, flat.imag], axis=-1)
+
+    def entry_std(self) -> np.ndarray:
+        """Return (F, n_y, n_u) standard deviation of the error of each entry where the others are known."""
+        rows, columns = (np.swapaxes(np.abs(root) ** 2, 1, 2) for root in (self.left, self.right))
+        return np.asarray(1 / np.sqrt(rows @ (1 / self.total_var) @ columns))
+
+    def behind_delays(self, turn: np.ndarray) -> ErrorMetric:
+        """Return the metric of errors that were turned by a phase factor (F, n_u) of each input."""
+        return replace(self, right=turn.conj()[:, :, None] * self.right)
+
+
+def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
+    """Return the metric of the errors of measured matrices, one after the other, for a loop with that crossover.
+
+    What a class may miss of an entry is as large as its row and its column are (`balance`), over |T_c|^2. Directions in
+    which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of |G|: below it a
+    variance is rounding, or one nonlinearity alone, and would be all that counts.
+    """
+    parts = []
+    for frm in frms:
+        gamma = np.moveaxis(frm.cov.gamma, 2, 0)
+        size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.cov.gamma).real
+        rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
+        parts.append(
+            (
+                hermitian_power(
+                    np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=MIN_EIGENVALUE_RATIO, least=rounding[:, None]
+                ),
+                hermitian_power(gamma, -0.5, share=MIN_EIGENVALUE_RATIO),
+            )
+        )
+    left, right = (np.concatenate(roots) for roots in zip(*parts, strict=True))
+    tolerance = loop_tolerance(
+        np.concatenate([frm.omega for frm in frms]), np.concatenate([frm.G for frm in frms], axis=2), omega_c
     )
+    rows, columns = balance(np.moveaxis(tolerance, 2, 0))
+    # in directions in which scatter and error of the class are both independent
+    of_rows, forth = np.linalg.eigh(left * rows[:, None] ** 2 @ conjugate(left))
+    of_columns, back = np.linalg.eigh(conjugate(right) * columns[:, None] ** 2 @ right)
+    power = np.maximum(of_rows, 0.0)[:, :, None] * np.maximum(of_columns, 0.0)[:, None]
+    return ErrorMetric(conjugate(forth) @ left, right @ back, np.sqrt(power), rows[:, :, None] * columns[:, None])
+
+
+def conjugate(X: np.ndarray) -> np.ndarray:
+    """Return the conjugate transposes of matrices (F, n, m)."""
+    return np.asarray(np.swapaxes(X, 1, 2).conj())
 
 
 def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0) -> np.ndarray:
@@ -104,12 +171,6 @@ def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: n
     values, vectors = np.linalg.eigh(X)
     values = np.maximum(values, np.maximum(share * values[:, -1:], least))
     return np.asarray(vectors * values[:, None] ** power @ np.swapaxes(vectors, 1, 2).conj())
-
-
-def whiten(left: np.ndarray, X: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
-    flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
-    return np.concatenate([flat.real, flat.imag], axis=-1)
 
 
 class FitOptions(TypedDict):
@@ -125,19 +186,18 @@ def fit_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
     *,
-    left: np.ndarray,
-    right: np.ndarray,
+    metric: ErrorMetric,
     n_poles: int,
     rank: int,
     direct: bool,
     stable: bool,
 ) -> SharedPoles:
-    """Return the best fit from two sets of starting poles; left (F, n_y, n_y), right (F, n_u, n_u) whiten the error."""
+    """Return the best fit from two sets of starting poles."""
     kind: FitOptions = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
-        start = fit_by_vector_fitting(omega, G, left=left, right=right, **kind, spacing=spacing)
-        fits.append(refine_shared_poles(omega, G, left=left, right=right, model=start, direct=direct, stable=stable))
+        start = fit_by_vector_fitting(omega, G, metric=metric, **kind, spacing=spacing)
+        fits.append(refine_shared_poles(omega, G, metric=metric, model=start, direct=direct, stable=stable))
     return min(fits, key=lambda found: found[1])[0]
 
 
@@ -145,8 +205,7 @@ def fit_by_vector_fitting(
     omega: np.ndarray,
     G: np.ndarray,
     *,
-    left: np.ndarray,
-    right: np.ndarray,
+    metric: ErrorMetric,
     n_poles: int,
     rank: int,
     direct: bool,
@@ -154,7 +213,7 @@ def fit_by_vector_fitting(
     spacing: str = "log",
 ) -> SharedPoles:
     """Fit by vector fitting alone, from poles of one spacing: the start of `fit_shared_poles`."""
-    std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
+    std = metric.entry_std()
     std = np.maximum(std, 1e-3 * std.min(axis=0))
     poles = relocate_shared_poles(
         omega,
@@ -243,18 +302,17 @@ def refine_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
     *,
-    left: np.ndarray,
-    right: np.ndarray,
+    metric: ErrorMetric,
     model: SharedPoles,
     direct: bool,
     stable: bool,
 ) -> tuple[SharedPoles, float]:
     """Refine by Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
 
-    residual = whiten(left, G - model.response(omega), right)
+    residual = metric.whiten(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(N_STEPS):
-        J = whiten(left, response_derivatives(omega, model, direct=direct, stable=stable), right).T
+        J = metric.whiten(response_derivatives(omega, model, direct=direct, stable=stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
         along, improved = U.T @ residual, False
@@ -262,7 +320,7 @@ def refine_shared_poles(
             filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
             trial = step_parameters(model, step, direct=direct, stable=stable)
-            new = whiten(left, G - trial.response(omega), right)
+            new = metric.whiten(G - trial.response(omega))
             new_cost = float(new @ new)
             if np.isfinite(new_cost) and new_cost < cost:
                 improved = True

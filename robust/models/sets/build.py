@@ -39,11 +39,11 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
 )
-from robust.models.fit.orders import scan_orders
 from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, is_plant, make_family_set
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
+from robust.models.sets.orders import scan_orders
 from robust.models.sets.radius import (
     MIN_RADIUS_RATIO,
     Extrapolation,

@@ -7,7 +7,7 @@ import pytest
 import nlfrf
 from robust import fit_nominal, frd, uncertainty
 from robust.models import scan_orders
-from robust.models.fit.shared_poles import fit_shared_poles
+from robust.models.fit.shared_poles import ErrorMetric, fit_shared_poles
 from tests.support.printed import unwrapped
 
 OMEGA = 2 * np.pi * np.linspace(2, 100, 120)
@@ -23,10 +23,16 @@ def stage(omega):
     return MIX @ np.linalg.inv(STIFF + s * DAMP + s**2 * MASS)
 
 
+def metric_of(left, right):
+    """The metric of scatter alone, whitened by these roots."""
+    none = np.zeros((left.shape[0], left.shape[1], right.shape[1]))
+    return ErrorMetric(left, right, none, none)
+
+
 def test_a_stage_is_found_to_rounding_with_as_many_states_as_poles():
     G = stage(OMEGA)
     one = np.broadcast_to(np.eye(2), G.shape)
-    model = fit_shared_poles(OMEGA, G, left=1e6 * one, right=one, n_poles=4, rank=1, direct=False, stable=True)
+    model = fit_shared_poles(OMEGA, G, metric=metric_of(1e6 * one, one), n_poles=4, rank=1, direct=False, stable=True)
     assert np.abs(model.response(OMEGA) - G).max() < 1e-12 * np.abs(G).max()
     system = model.state_space()
     assert system.nstates == 4
@@ -43,7 +49,9 @@ def test_the_cost_is_what_scatter_leaves():
     one, ratios = np.broadcast_to(np.eye(2), G.shape), []
     for _ in range(12):
         noisy = G + 1e-6 * (rng.normal(size=G.shape) + 1j * rng.normal(size=G.shape)) / 2**0.5
-        model = fit_shared_poles(OMEGA, noisy, left=1e6 * one, right=one, n_poles=4, rank=1, direct=False, stable=True)
+        model = fit_shared_poles(
+            OMEGA, noisy, metric=metric_of(1e6 * one, one), n_poles=4, rank=1, direct=False, stable=True
+        )
         assert model.n_parameters == 16
         cost = np.sum(np.abs(noisy - model.response(OMEGA)) ** 2) * 1e12
         ratios.append(cost / (4 * OMEGA.size * (1 - 16 / (8 * OMEGA.size))))
@@ -64,7 +72,9 @@ def test_real_poles_and_direct_terms(n_poles, direct):
         R = np.outer(c[1] + 1j * c[2], b[1] + 1j * b[2]) * 60
         G = G + R / (s - poles[1]) + R.conj() / (s - poles[2])
     left, right = (np.broadcast_to(np.eye(n), (OMEGA.size, n, n)) for n in (2, 3))
-    model = fit_shared_poles(OMEGA, G, left=left, right=right, n_poles=n_poles, rank=1, direct=direct, stable=True)
+    model = fit_shared_poles(
+        OMEGA, G, metric=metric_of(left, right), n_poles=n_poles, rank=1, direct=direct, stable=True
+    )
     assert np.abs(model.response(OMEGA) - G).max() < 1e-9 * np.abs(G).max()
     assert model.state_space().nstates == n_poles
 
@@ -74,7 +84,7 @@ def test_equal_modes_of_a_symmetric_machine_need_rank_two():
     G = np.eye(2) / (s**2 + 6 * s + 200.0**2)
     one = np.broadcast_to(np.eye(2), G.shape)
     fits = [
-        fit_shared_poles(OMEGA, G, left=one, right=one, n_poles=2, rank=rank, direct=False, stable=True)
+        fit_shared_poles(OMEGA, G, metric=metric_of(one, one), n_poles=2, rank=rank, direct=False, stable=True)
         for rank in (1, 2)
     ]
     errors = [np.abs(fit.response(OMEGA) - G).max() / np.abs(G).max() for fit in fits]

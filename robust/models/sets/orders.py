@@ -1,0 +1,430 @@
+"""Choice of the number of poles of a nominal model: by what its set allows a loop, or by what the data show."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import format_count, format_hertz, require_integer
+from nlfrf._base.values import value
+from robust._base.warnings import DesignWarning
+from robust.models.fit.class_error import balance, target_loop
+from robust.models.fit.nominal import (
+    OUTSIDE_FACTOR,
+    Measurement,
+    NominalFit,
+    bla_behind_hold,
+    checked_orders,
+    fit_nominal,
+    likeliest_fit,
+    matrices_given,
+    start_search,
+)
+from robust.models.fit.rational import Roots
+from robust.models.fit.search import UNLIKELY_COST, FitSearch
+from robust.models.sets.radius import RadiusSpec, element_parts, record_radius_parts, sum_of_parts
+
+MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
+MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
+OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
+UNSURE = "poles of no significance"
+LEAST_DAMPING = 1e-4  # of a pair above the band
+#: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half of what it may be.
+ENOUGH = 0.5
+NEAR_BEST = 1.1  # times the smallest: within it the smallest order is taken
+#: Last line of a scan that is printed, by whether a crossover was named.
+CRITERION_TEXT = (
+    "criterion: negative log likelihood, in units of what scatter leaves on a line, plus ln(2 lines)/2 for each "
+    "parameter; taken is the lowest of the fits that scatter explains and the data carry. Where scatter explains none, "
+    f"the smallest order that lets a loop cross over as high as any, within {NEAR_BEST - 1:.0%}: up to there |T_c| "
+    f"times the radius of the set stays below {ENOUGH:g}"
+)
+CROSSOVER_TEXT = (
+    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value on any line, "
+    f"with |T_c| = 1/sqrt(1 + (f/2 f_c)^4); taken is the smallest order below {ENOUGH:g}, or within "
+    f"{NEAR_BEST - 1:.0%} of the best. Higher orders are not tried where one is below"
+)
+
+
+@value
+class OrderScan:
+    """Fits of growing order, what their sets allow a loop, and which of them to take.
+
+    Fields
+    ------
+    n_poles : (n,) ndarray
+        Orders tried; twice where a delay was tried too.
+    cost, expected_cost : (n,) ndarray
+        What each leaves, and what scatter alone would leave.
+    criterion : (n,) ndarray
+        `NominalFit.criterion`, the Bayesian one.
+    radius, loop_radius : (n,) ndarray
+        Largest radius of the set over |G| below the crossover, and largest |T_c| times it; nan without a crossover.
+    reach : (n,) ndarray
+        Highest crossover [rad/s] for which |T_c| times the radius stays below one half on every line.
+    best : int
+        Number of poles to take. With a crossover the smallest whose |T_c| times radius is below one half, or within
+        10 % of the smallest. Without one: of the smallest criterion among the fits that scatter explains and whose
+        roots the data carry; where there is none, among those that it explains without cancelled poles and far zeros,
+        then those that it explains. Where scatter explains none, the smallest with a reach within 10 % of the highest.
+    omega_c : float
+        Crossover [rad/s] that was asked for; nan for none.
+    fits : tuple of NominalFit
+        All of them.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 11.3; SP 7.5.1 (what |T| times the radius has to be).
+
+    Examples
+    --------
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> G = 1 / (1j * omega + 3) + 1e-3 * np.random.default_rng(0).standard_normal(40)
+    >>> scan = scan_orders(control.FrequencyResponseData(G, omega), n_poles=(1, 2), std=np.full(40, 1e-3))
+    >>> scan.best, scan.fit.G.nstates
+    (1, 1)
+    """
+
+    n_poles: np.ndarray
+    cost: np.ndarray
+    expected_cost: np.ndarray
+    criterion: np.ndarray
+    radius: np.ndarray
+    loop_radius: np.ndarray
+    reach: np.ndarray
+    best: int
+    omega_c: float
+    fits: tuple[NominalFit, ...]
+
+    @property
+    def chosen(self) -> int:
+        """Return which of the fits to take."""
+        if np.isnan(self.omega_c):
+            return choose_by_data(self.criterion, self.fits, self.reach)
+        good = self.loop_radius <= max(NEAR_BEST * self.loop_radius.min(), ENOUGH)
+        return smallest_order(self.fits, good, self.loop_radius)
+
+    @property
+    def fit(self) -> NominalFit:
+        """Return the fit to take, of the best order."""
+        return self.fits[self.chosen]
+
+    @property
+    def delay(self) -> np.ndarray:
+        """Return (n,) delay of each fit [s]."""
+        return np.array([fit.delay for fit in self.fits])
+
+    def __str__(self) -> str:
+        chosen, delayed, asked = self.chosen, np.any(self.delay), not np.isnan(self.omega_c)
+        rows = []
+        for i, fit in enumerate(self.fits):
+            row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
+            if asked:
+                row += f"  radius {self.radius[i]:9.3g}  |T_c| x radius {self.loop_radius[i]:9.3g}"
+            else:
+                row += f"  crossover up to {format_hertz(self.reach[i]):>10s}  criterion {self.criterion[i]:10.4g}"
+            row += f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter" + " (taken)" * (i == chosen)
+            doubt = describe_doubts(fit)
+            rows.append(row + f"  {doubt}" * bool(doubt))
+        return "\n".join([*rows, CROSSOVER_TEXT if asked else CRITERION_TEXT])
+
+
+def scan_orders(
+    bla: Measurement,
+    *,
+    n_poles: Iterable[int] = range(1, 9),
+    relative_degree: int | None = None,
+    delay: float | str = "auto",
+    dt: float = 0,
+    stable: bool = True,
+    std: np.ndarray | None = None,
+    omega_c: float | None = None,
+) -> OrderScan:
+    """Fit nominal models of growing order and say which one serves a loop, or which one the data ask for.
+
+    Parameters
+    ----------
+    bla, dt, stable, std, omega_c
+        As in `fit_nominal`.
+    n_poles : iterable of int
+        Orders to try, the smallest first; with a crossover until one suffices.
+    relative_degree : int, optional
+        Poles more than zeros. When not given, 1 or what is likelier, as in `fit_nominal`. The model of several channels
+        takes 1 (residues) or 0 (with a direct term).
+    delay : float or str
+        As in `fit_nominal` [s], or "auto": none, and a fit with "estimate" next to it where the phase asks for a delay:
+        with a crossover where no order without one suffices, else where no order without one explains the data by poles
+        and zeros that they carry.
+
+    Returns
+    -------
+    OrderScan
+
+    Raises
+    ------
+    ValueError
+        Orders below the relative degree, or as `fit_nominal`.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 11.3 (model selection criteria); Schrama 1992 (models for a loop).
+
+    Examples
+    --------
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> G = 1 / (1j * omega + 3) + 1e-3 * np.random.default_rng(0).standard_normal(40)
+    >>> scan_orders(control.FrequencyResponseData(G, omega), n_poles=(1, 2), std=np.full(40, 1e-3)).best
+    1
+    """
+    orders = sorted({require_integer("n_poles", n, least=0) for n in n_poles})
+    excess = 1 if relative_degree is None else require_integer("relative_degree", relative_degree, least=0)
+    if not orders or orders[0] < excess:
+        raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
+    several = bool(matrices_given(bla))
+    if several and excess > 1:
+        raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
+
+    many = records_of(bla, dt)
+    fits: list[NominalFit] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
+        if several:
+            for n in orders:
+                tau, direct = 0.0 if delay == "auto" else delay, None if excess else n
+                fits.append(
+                    fit_nominal(bla, n_poles=n, n_zeros=direct, delay=tau, dt=dt, stable=stable, omega_c=omega_c)
+                )
+                if set_sizes(fits[-1], many).suffices:
+                    break
+        else:
+            search = start_search(
+                bla, std, dt=dt, stable=stable, delay=0.0 if delay == "auto" else delay, omega_c=omega_c
+            )
+            free = replace(search, delay=None, found={}, begun={}) if delay == "auto" else None
+            zeros_of = {n: None if relative_degree is None else n - excess for n in orders}
+            if omega_c is None:
+                fits = scan_for_data(search, bla, zeros_of)
+                if free is not None and needs_delay(fits):
+                    fits += [fit for fit in scan_for_data(free, bla, zeros_of, also=search) if fit.delay]
+            else:
+                fits = scan_for_loop(search, bla, zeros_of, free=free, many=many)
+    fits.sort(key=lambda fit: fit.G.nstates)
+    sizes = [set_sizes(fit, many) for fit in fits]
+    scan = OrderScan(
+        n_poles=np.array([fit.G.nstates for fit in fits]),
+        cost=np.array([fit.cost for fit in fits]),
+        expected_cost=np.array([fit.expected_cost for fit in fits]),
+        criterion=np.array([fit.criterion for fit in fits]),
+        radius=np.array([size.radius for size in sizes]),
+        loop_radius=np.array([size.loop_radius for size in sizes]),
+        reach=np.array([size.reach for size in sizes]),
+        best=0,
+        omega_c=float("nan") if omega_c is None else float(omega_c),
+        fits=tuple(fits),
+    )
+    return replace(scan, best=int(scan.n_poles[scan.chosen]))
+
+
+def scan_for_loop(
+    search: FitSearch,
+    bla: Measurement,
+    zeros_of: dict[int, int | None],
+    *,
+    free: FitSearch | None,
+    many: Sequence[Bla],
+) -> list[NominalFit]:
+    """Return fits of growing order until the set of one lets the loop be: without a delay, and then with one."""
+    fits = []
+    for one in (search,) if free is None else (search, free):
+        for n, n_zeros in zeros_of.items():
+            fit = likeliest_fit(one, bla, n, n_zeros)
+            if one is search or fit.delay:
+                fits.append(fit)
+            if set_sizes(fit, many).suffices:
+                return fits
+    return fits
+
+
+def scan_for_data(
+    search: FitSearch, bla: Measurement, zeros_of: dict[int, int | None], also: FitSearch | None = None
+) -> list[NominalFit]:
+    """Return the fits of growing order, each started from its neighbours and from those of another search.
+
+    Zeros above the band are left out where the criterion is lower without them.
+    """
+    highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
+    without: dict[int, list[Roots]] = {}
+    for n, n_zeros in zeros_of.items():
+        asked = checked_orders(search, n, n_zeros)
+        same = also.found.get(asked) if also is not None else None
+        without[n] = search.without_zeros_above(search.best(asked, starts=(same,) if same is not None else ()), highest)
+        for fewer in without[n]:
+            search.offer(asked, fewer)
+    search.improve_from_above()
+    return [likeliest_fit(search, bla, n, n_zeros, fewer=without[n]) for n, n_zeros in zeros_of.items()]
+
+
+# ---- What the set about a fit allows a loop.
+
+
+def records_of(bla: Measurement, dt: float) -> list[Bla]:
+    """Return the records that a set is made of, behind the hold that a model of dt has; none for a bare FRF."""
+    many = list(bla) if isinstance(bla, Sequence) else [bla]
+    return [bla_behind_hold(one, dt) for one in many if isinstance(one, Bla)]
+
+
+@value
+class SetSizes:
+    """What the set about a fit allows a loop.
+
+    Fields
+    ------
+    radius, loop_radius : float
+        Largest radius over |G| below the crossover, and largest |T_c| times it; nan without a crossover.
+    reach : float
+        Highest crossover [rad/s] with |T_c| times the radius below `ENOUGH` on every line.
+    suffices : bool
+        Whether the loop has its margins, or no other nominal could give it more: |T_c| times the radius is near that of
+        the scatter of the lines alone.
+    """
+
+    radius: float
+    loop_radius: float
+    reach: float
+    suffices: bool
+
+
+def set_sizes(fit: NominalFit, many: Sequence[Bla]) -> SetSizes:
+    """Return what the set about a fit, made of these records, allows a loop."""
+    relative, scatter = relative_radii(fit, many)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        allowed = fit.omega / 2 / ((relative / ENOUGH) ** 2 - 1) ** 0.25
+    reach = min(float(np.min(allowed[relative > ENOUGH], initial=np.inf)), float(fit.omega.max()))
+    if np.isnan(fit.omega_c):
+        return SetSizes(radius=np.nan, loop_radius=np.nan, reach=reach, suffices=False)
+    target = target_loop(fit.omega, fit.omega_c)
+    loop = float(np.max(relative * target))
+    return SetSizes(
+        radius=float(relative[fit.omega <= fit.omega_c].max()),
+        loop_radius=loop,
+        reach=reach,
+        suffices=loop < max(ENOUGH, NEAR_BEST * float(np.max(scatter * target))),
+    )
+
+
+def relative_radii(fit: NominalFit, many: Sequence[Bla]) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F,) the radius of the set about a fit over |G| on its lines, and what of it no other nominal changes.
+
+    Of a bare FRF what the fit misses, and zero. Of several channels the largest gain of the radii over that of |G|,
+    rows and columns balanced.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if not many:
+            return np.abs(fit.residual) / np.abs(fit.response), np.zeros(fit.omega.size)
+        ends, spec, each = np.cumsum([one.omega.size for one in many])[:-1], RadiusSpec(), []
+        for one, G in zip(many, np.split(fit.response, ends, axis=-1), strict=True):
+            if one.is_single:
+                parts = record_radius_parts(one, control.frd(G, one.omega), spec)
+                radius = sum_of_parts(parts)
+                each.append([radius / np.abs(G), (radius - parts["misfit"]) / np.maximum(np.abs(one.G), np.abs(G))])
+                continue
+            n_y, n_u, F = G.shape
+            _, parts, total = element_parts([one], [G], spec)
+            radii = [part.reshape(n_u, n_y, F).T for part in (total, total - parts["misfit"])]
+            size = np.abs(np.moveaxis(G, 2, 0))
+            rows, columns = balance(size)
+            *gains, whole = (
+                np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2)) for part in (*radii, size)
+            )
+            each.append([gain / whole for gain in gains])
+    relative, scatter = np.concatenate(each, axis=1)
+    return relative, scatter
+
+
+def smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
+    """Return which of the good fits has the fewest poles, of equal ones that of the smallest measure."""
+    least = min(fit.G.nstates for fit, ok in zip(fits, good, strict=True) if ok)
+    same = np.array([fit.G.nstates == least for fit in fits])
+    return int(np.argmin(np.where(good & same, measure, np.inf)))
+
+
+# ---- What the data show.
+
+
+def choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.ndarray) -> int:
+    """Return which fit to take where no crossover was named.
+
+    The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
+    explains without cancelled poles and far zeros, then of those that it explains. Undamped poles above the band are
+    taken last: what a machine does not have explains a lead in time, and no more. Where scatter explains none, the set
+    decides: the smallest order that lets a loop reach as high as any.
+    """
+    explained = np.array([not fit.p_value <= UNLIKELY_COST for fit in fits])
+    doubts = [doubtful_roots(fit) for fit in fits]
+    damped = np.array([UNDAMPED not in kinds for kinds in doubts])
+    if not explained.any():
+        some = damped if damped.any() else ~damped
+        return smallest_order(fits, some & (reach >= np.max(reach[some]) / NEAR_BEST), -reach)
+    carried = np.array([not kinds for kinds in doubts])
+    within = np.array([set(kinds) <= {OUTSIDE, UNSURE} for kinds in doubts])
+    groups = (explained & carried, explained & within, explained & damped, explained)
+    group = next(g for g in groups if g.any())
+    return int(np.argmin(np.where(group, criterion, np.inf)))
+
+
+def needs_delay(fits: Sequence[NominalFit]) -> bool:
+    """Return whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
+    return not any(
+        fit.p_value > UNLIKELY_COST and not describe_doubts(fit) and not np.any(np.real(fit.G.zeros()) > 0)
+        for fit in fits
+    )
+
+
+def describe_order(fit: NominalFit) -> str:
+    """Describe the order of a fit, and its delay where it has one."""
+    zeros = "" if fit.inputs else f" and {format_count(fit.G.zeros().size, 'zero')}"
+    return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (f", a delay of {fit.delay:.3g} s" if fit.delay else "")
+
+
+def describe_doubts(fit: NominalFit) -> str:
+    """Describe what the data do not carry of a continuous fit.
+
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
+    >>> describe_doubts(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
+    'poles outside the band: 79.58 Hz'
+    """
+    return "; ".join(
+        f"{kind}: {', '.join(f'{abs(root) / 2 / np.pi:.4g} Hz' for root in roots if root.imag >= 0)}"
+        for kind, roots in doubtful_roots(fit).items()
+    )
+
+
+def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
+    """Return roots that the data do not carry, by kind: poles far outside the band, undamped ones above it, poles
+    of no significance or that a zero cancels but for scatter, and zeros far above the band that they do not place."""
+    if fit.uncertainty is None or fit.G.dt:
+        return {}
+    poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros
+    size, high = np.abs(poles), fit.omega.max() * OUTSIDE_FACTOR
+    outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > high)
+    undamped = (size > high) & (poles.imag != 0) & (-poles.real < LEAST_DAMPING * size)
+    unsure = ~outside & (fit.uncertainty.std_poles > MAX_RELATIVE_STD * size)
+    cancelled = ~outside & ~unsure & (fit.uncertainty.separation < MIN_SEPARATION)
+    far = (np.abs(zeros) > high) & (fit.uncertainty.std_zeros > np.abs(zeros))
+    kinds = {
+        OUTSIDE: poles[outside & ~undamped],
+        UNDAMPED: poles[undamped],
+        UNSURE: poles[unsure],
+        "poles that zeros cancel but for scatter": poles[cancelled],
+        "zeros above the band of no significance": zeros[far],
+    }
+    return {kind: roots for kind, roots in kinds.items() if roots.size}
