@@ -7,6 +7,8 @@ zero and at infinity, and lifted until nothing is violated.
 
 from __future__ import annotations
 
+from itertools import islice
+
 import control
 import numpy as np
 
@@ -351,7 +353,7 @@ MAX_ORDER = 16
 MAX_CHOSEN_ORDER = 12
 STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
 PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
-ROUGH_TOLERANCE = 0.1  # log error of a first fit of order 8 above which the radius is no weight of an order up to that
+ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
 MAX_EXACT_ORDER = 8
 #: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
 LEAST_IMPORTANCE = 0.1
@@ -514,7 +516,7 @@ def best_weight(demand: Demand, order: int) -> WeightFit:
 
 def choose_weight(demand: Demand) -> WeightFit:
     """Fit the weight of the order whose states pay: least mean excess and price of its states together."""
-    fits = [fit for order in exact_orders(demand) if (fit := exact_weight(demand, order))][:1]
+    fits = list(islice((fit for order in exact_orders(demand) if (fit := exact_weight(demand, order))), 1))
     problem = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share)
     coarse = problem.coarsen(COARSE_POINTS)
     path = [constant_weight(coarse)]
@@ -532,15 +534,18 @@ def choose_weight(demand: Demand) -> WeightFit:
     return min(fits, key=lambda fit: fit.mean_excess_db + STATE_PRICE_DB * fit.W.nstates)
 
 
-def exact_orders(demand: Demand) -> range:
-    """Return the orders of which the radius may be a weight: none where a high one is no way near it."""
+def exact_orders(demand: Demand) -> list[int]:
+    """Return the orders of which the radius may be a weight: a first fit comes near it, as one of high order does."""
     problem = magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True).thin(150)
-    theta = fit_squared_magnitude(problem, MAX_EXACT_ORDER)
-    if theta is not None:
-        error = problem.excess(theta, -problem.mean_excess(theta, 0.0, MAX_EXACT_ORDER), MAX_EXACT_ORDER)[0]
-        if np.abs(error).max() > ROUGH_TOLERANCE:
-            return range(0)
-    return range(1, MAX_EXACT_ORDER + 1)
+
+    def is_near(order: int) -> bool:
+        theta = fit_squared_magnitude(problem, order)
+        if theta is None:
+            return True
+        error = problem.excess(theta, -problem.mean_excess(theta, 0.0, order), order)[0]
+        return bool(np.abs(error).max() < ROUGH_TOLERANCE)
+
+    return [order for order in range(1, MAX_EXACT_ORDER + 1) if is_near(order)] if is_near(MAX_EXACT_ORDER) else []
 
 
 def exact_weight(demand: Demand, order: int) -> WeightFit | None:
