@@ -148,7 +148,7 @@ def model(
     ] = None,
     order: Annotated[
         int | None,
-        typer.Option(help="Order of the weight; the lowest within 3 dB of the radius, up to 8, when not given."),
+        typer.Option(help="Order of the weight; as many states, up to 12, as pay when not given."),
     ] = None,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")

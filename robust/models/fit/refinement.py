@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from itertools import zip_longest
 
@@ -201,6 +200,12 @@ class MagnitudeProblem:
             e[N:] = log_k + at_zero @ (theta[:order] - theta[order:]) - self.low, log_k - self.high
         return e, J
 
+    def shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what each excess counts for, ends nothing, and what lying below does: not less than an even share."""
+        share = np.zeros(self.x.size + 2 * bool(np.isfinite(self.low)))
+        share[: self.x.size] = self.share
+        return share, np.maximum(share, 1 / self.x.size)
+
     def mean_excess(self, theta: np.ndarray, log_k: float, order: int) -> float:
         """Return the mean of log |W| - target over the points."""
         return float(self.share @ self.excess(theta, log_k, order)[0][: self.x.size])
@@ -260,7 +265,9 @@ class MagnitudeProblem:
         )
 
 
-def magnitude_problem(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False) -> MagnitudeProblem:
+def magnitude_problem(
+    x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False, share: np.ndarray | None = None
+) -> MagnitudeProblem:
     """Return the demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
     log_x = np.log(x)
     return MagnitudeProblem(
@@ -269,7 +276,7 @@ def magnitude_problem(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bo
         low=target[0] if ends else -np.inf,
         high=target[-1] if ends else -np.inf,
         floor=np.full(x.size, -16.0) if free else damping_floor(log_x),
-        share=np.full(x.size, 1 / x.size),
+        share=np.full(x.size, 1 / x.size) if share is None else share,
         log_x=log_x,
     )
 
@@ -395,19 +402,66 @@ def section_hessian(
     return out
 
 
+def asymmetric_cost(problem: MagnitudeProblem, below: float) -> Objective:
+    """Return the squares of the log excess, where lying below the target costs below^2 times as much."""
+    share, least = problem.shares()
+
+    def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        w = np.where(e < 0, 2 * below**2 * least, 2 * share)
+        return float(0.5 * w @ e**2), w * e, w
+
+    return objective
+
+
 def fit_asymmetric(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
     """Return the least squares on the log excess, where lying below the target costs below^2 times as much."""
-
-    def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        w = np.where(e < 0, 2 * below**2, 2.0) / e.size
-        return float(0.5 * w @ e**2), w * e, w
-
-    log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
     return descend_newton(
-        problem, theta, log_k=log_k, order=order, objective=objective, n_iterations=n_iterations, small=1e-14
+        problem,
+        theta,
+        log_k=-problem.mean_excess(theta, 0.0, order),
+        order=order,
+        objective=asymmetric_cost(problem, below),
+        n_iterations=n_iterations,
+        small=1e-14,
     )
+
+
+PLACES, DAMPINGS = 15, (-2.0, 0.0)  # of one kind, and log damping: more of both place no better over 70 radii
+MAX_SPLIT = 0.7
+
+
+def sections_that_pay(
+    problem: MagnitudeProblem, fit: tuple[np.ndarray, float], *, order: int, more: int, below: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the two places where one more section of `more` states lowers the asymmetric squares most: it, its split.
+
+    A section whose zeros cancel its poles is split by a Newton step with all other parameters free: the Schur
+    complement of its block of the Hessian, the others at their optimum. Places lie evenly over the points and over log
+    frequency.
+    """
+    N, ends = problem.x.size, np.linspace(0, 1, PLACES)
+    places = np.concatenate([np.quantile(problem.log_x, ends), np.quantile(problem.log_x[[0, -1]], ends)])
+    grid = np.array([(w, zeta)[:more] for w in places for zeta in DAMPINGS])
+    e, J = problem.excess(*fit, order)
+    first, second = asymmetric_cost(problem, below)(e)[1:]
+    slopes = np.zeros((*grid.shape, e.size))
+    slopes[..., :N] = log_sections(problem.x, grid, more)[1]
+    slopes[..., N:-1] = slope_at_zero(more)[:, None]
+    weighted = slopes * second
+    coupling = weighted @ J.T
+    H = (J * second) @ J.T
+    H[np.diag_indices_from(H)] *= 1.001
+    through = coupling @ np.linalg.pinv(H, hermitian=True)
+    block = weighted @ slopes.mT
+    schur = block - through @ coupling.mT + 1e-3 * np.trace(block, axis1=1, axis2=2)[:, None, None] * np.eye(more)
+    slope = slopes @ first - through @ (J @ first)
+    split = -np.linalg.solve(schur, slope[..., None])[..., 0]
+    gain = -np.vecdot(split, slope)
+    best = int(np.argmax(gain))
+    other = int(np.argmax(np.where(np.abs(grid[:, 0] - grid[best, 0]) < 0.3, -np.inf, gain)))
+    return [(grid[k], np.clip(split[k] / 2, -MAX_SPLIT, MAX_SPLIT)) for k in (best, other)]
 
 
 def polish_by_barrier(
@@ -418,18 +472,11 @@ def polish_by_barrier(
     order: int,
     barriers: tuple[float, ...],
     n_iterations: int,
-    deadline: float,
 ) -> tuple[np.ndarray, float]:
     """Minimise the mean excess with none negative: a logarithmic barrier, lowered step by step, then to the target."""
-    n = problem.x.size
-    e = problem.excess(theta, log_k, order)[0]
-    log_k += 0.02 - e.min()
-    share = np.zeros(e.size)
-    share[:n] = problem.share
-    weight = np.maximum(share, 1 / n)  # the ends count like a point
+    log_k += 0.02 - float(problem.excess(theta, log_k, order)[0].min())
+    share, weight = problem.shares()
     for mu in barriers:
-        if time.monotonic() > deadline:
-            break
 
         def objective(e: np.ndarray, mu: float = mu) -> tuple[float, np.ndarray, np.ndarray]:
             if not e.min() > 0:

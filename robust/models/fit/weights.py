@@ -7,8 +7,7 @@ zero and at infinity, and lifted until nothing is violated.
 
 from __future__ import annotations
 
-import time
-from functools import cache
+from itertools import islice
 
 import control
 import numpy as np
@@ -27,11 +26,13 @@ from robust.lti.sampling import discretize
 from robust.models.fit.rational import fit_numerator, map_to_model_plane, starting_poles, vector_fit
 from robust.models.fit.refinement import (
     MagnitudeProblem,
+    asymmetric_cost,
     fit_asymmetric,
     log_sections,
     magnitude_problem,
     polish_by_barrier,
     section_logarithms,
+    sections_that_pay,
     slope_at_zero,
     zeros_and_poles,
 )
@@ -238,7 +239,8 @@ def delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
 # ---- The numerical problem behind `fit_weight`: least mean log excess of |W| over a target that it must cover.
 
 EXACT_TOLERANCE = 1e-4  # log error under which a weight is taken to be the target itself
-FINE_TOLERANCE = 0.01  # mean log excess, 0.09 dB, under which no other start is tried
+BELOW = 8.0  # how much more lying below costs while sections are placed; of 2, 4, 8, 16 the one of least excess
+COARSE_POINTS, FINE_POINTS = 240, 700  # on which sections are placed, and all are polished in the end
 Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
 
 
@@ -257,78 +259,48 @@ def least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
     return sorted(fits, key=lambda fit: fit[0])
 
 
-def least_excess(problem: MagnitudeProblem, order: int, *, fits: list[Fit], deadline: float) -> list[np.ndarray]:
-    """Minimise the mean excess from every fit on fewer points and section by section; polish the best two."""
-    coarse = problem.coarsen(240)
-    # starts that came to the same fit are one start
-    begun = [f[1] for k, f in enumerate(fits) if k == 0 or f[0] > fits[k - 1][0] * 1.001]
-    found = [fit_quickly(coarse, begun[0], order=order, deadline=deadline)]
-    if found[0][0] > FINE_TOLERANCE:
-        found += [fit_quickly(coarse, theta, order=order, deadline=deadline) for theta in begun[1:]] + [
-            fit_section_by_section(coarse, order, deadline)
-        ]
-        found.sort(key=lambda fit: fit[0])
-    return [
-        polish_by_barrier(
-            problem,
-            theta,
-            log_k=log_k,
-            order=order,
-            barriers=(0.1, 0.02, 0.005, 0.001),
-            n_iterations=15,
-            deadline=deadline,
-        )[0]
-        for bad, theta, log_k in found[:2]
-        if bad <= 1.1 * found[0][0]
-    ]
+@value
+class Growth:
+    """A weight that grows by sections: least squares (theta, log_k), on which the next one is placed, and a fit.
+
+    In the least squares what lies below the target costs `BELOW`^2 times as much as what lies above.
+    """
+
+    order: int
+    placed: tuple[np.ndarray, float]
+    fit: Fit
 
 
-def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, *, order: int, deadline: float) -> Fit:
-    """Fit in few steps: mean excess over the radius [dB], section parameters, log gain; until a clock time [s]."""
-    theta, log_k = fit_asymmetric(problem, problem.clip_sections(theta, order), order=order, below=4.0, n_iterations=10)
+def constant_weight(problem: MagnitudeProblem) -> Growth:
+    """Return the weight of order 0 that covers the target."""
+    placed = fit_asymmetric(problem, np.zeros(0), order=0, below=BELOW, n_iterations=8)
+    level = max(float(problem.target.max()), problem.low, problem.high)
+    fit = problem.mean_excess(np.zeros(0), level, 0), np.zeros(0), level
+    return Growth(order=0, placed=placed, fit=fit)
+
+
+def add_states(problem: MagnitudeProblem, growth: Growth, more: int) -> Growth:
+    """Return the weight, of even order so far, with one or two more states where they pay most."""
+    order, cost, tries = growth.order + more, asymmetric_cost(problem, BELOW), []
+    for section, split in sections_that_pay(problem, growth.placed, order=growth.order, more=more, below=BELOW):
+        start = problem.clip_sections(add_section(growth.placed[0], section, split), order)
+        tries.append(fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=6))
+    start, _ = min(tries, key=lambda fit: cost(problem.excess(fit[0], fit[1], order)[0])[0])
+    theta, log_k = placed = fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=8)
     theta, log_k = polish_by_barrier(
-        problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=16, deadline=deadline
+        problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=12
     )
-    return problem.mean_excess(theta, log_k, order), theta, log_k
+    # a section whose zeros cancel its poles changes nothing: growing never makes it worse
+    least, before, gain = growth.fit
+    same = least, add_section(before, np.array([problem.log_x.mean(), 0.0])[:more], np.zeros(more)), gain
+    fit = min((problem.mean_excess(theta, log_k, order), theta, log_k), same, key=lambda fit: fit[0])
+    return Growth(order=order, placed=placed, fit=fit)
 
 
-def fit_section_by_section(problem: MagnitudeProblem, order: int, deadline: float) -> Fit:
-    """Fit a weight by adding second-order sections, the best of three places each: excess, parameters, log gain."""
-    middle = (problem.log_x[0] + problem.log_x[-1]) / 2
-    best = (problem.mean_excess(np.zeros(0), float(problem.target.max()), 0), np.zeros(0), float(problem.target.max()))
-    for done in range(0, order, 2):
-        _, theta, log_k = best
-        e = problem.excess(theta, log_k, done)[0][: problem.x.size]
-        width = max(1, problem.x.size // 30)
-        smooth = np.convolve(e, np.ones(width) / width, mode="same")
-        now = min(done + 2, order)
-        tries = []
-        for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
-            new, gain = fit_asymmetric(
-                problem,
-                add_section(theta, done, now=now, place=place, spread=-0.2),
-                order=now,
-                below=4.0,
-                n_iterations=8,
-            )
-            lift = -float(problem.excess(new, gain, now)[0].min())
-            tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
-        _, new, gain = min(tries, key=lambda fit: fit[0])
-        new, gain = polish_by_barrier(
-            problem, new, log_k=gain, order=now, barriers=(0.1, 0.02, 0.005), n_iterations=10, deadline=deadline
-        )
-        # a section whose zeros cancel its poles changes nothing: growing never makes it worse
-        same = (best[0], add_section(theta, done, now=now, place=middle, spread=0.0), log_k)
-        best = min((problem.mean_excess(new, gain, now), new, gain), same, key=lambda fit: fit[0])
-    return best
-
-
-def add_section(theta: np.ndarray, order: int, *, now: int, place: float, spread: float) -> np.ndarray:
-    """Return parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
-    zeros, poles = theta[:order], theta[order:]
-    if now - order == 1:
-        return np.concatenate([zeros, [place + spread], poles, [place - spread]])
-    return np.concatenate([zeros, [place, -0.7 + spread], poles, [place, -0.7 - spread]])
+def add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> np.ndarray:
+    """Return parameters (of even order) with one more section, its zeros and poles split around those given."""
+    zeros, poles = theta.reshape(2, -1)
+    return np.concatenate([zeros, section + split, poles, section - split])
 
 
 def starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
@@ -377,16 +349,19 @@ def parameters_of_square(q: np.ndarray) -> np.ndarray:
 
 
 MAX_ORDER = 16
-#: Of a weight whose order nobody gave: where the search begins, as most radii of the examples take 3 to 5, and where it
-#: ends, as the states of a weight come back in every controller and proof.
-FIRST_ORDER, MAX_CHOSEN_ORDER = 4, 8
-CLOSE_DB = 3.0  # mean excess that is close enough for such a weight
+#: Of a weight whose order nobody gave: its states come back in every controller and proof.
+MAX_CHOSEN_ORDER = 12
+STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
+PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
+ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
+MAX_EXACT_ORDER = 8
+#: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
+LEAST_IMPORTANCE = 0.1
 MAX_MEAN_EXCESS_DB = 30.0
 REFINEMENT = 10
 LIFT = 1e-7  # what a parabola between the finest points could still hide
 MAX_POINTS = 1500
 EXACT_DB = 0.005
-TIME_CAP = 3.0
 DB = 20 / np.log(10)
 
 
@@ -402,7 +377,7 @@ class WeightFit:
         Smallest |W| over what it has to cover, on the lines, on a ten times finer grid, at zero and infinity;
         at least one.
     max_excess_db, mean_excess_db : float
-        Largest and mean |W| over the radius on the lines [dB].
+        Largest |W| over the radius on the lines [dB], and its mean by their importance.
     exact : bool
         The radius was itself a weight of this order and was recovered; what it does between the lines is then
         taken for the radius there. Otherwise the larger of the two neighbours holds between lines.
@@ -438,7 +413,7 @@ def fit_weight(
     *,
     order: int | None = None,
     dt: float = 0,
-    band: tuple[float, float] = (0.0, np.inf),
+    importance: np.ndarray | None = None,
 ) -> WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
@@ -449,18 +424,19 @@ def fit_weight(
     radius : (W,) ndarray
         What |W| has to cover there, positive.
     order : int, optional
-        Number of poles (and zeros) of the weight. When not given, the lowest that lies within 3 dB of the radius in the
-        mean over the band; 8 where no lower one does.
+        Number of poles (and zeros) of the weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of
+        the mean excess.
     dt : float
         0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
-    band : (float, float)
-        First and last frequency [rad/s] that the choice of the order looks at.
+    importance : (W,) ndarray, optional
+        What a decibel of excess counts for at each frequency, for example |T| of the loop that is meant; the same
+        everywhere when not given, and nowhere less than a tenth of the largest. What is covered does not depend on it.
 
     Returns
     -------
     WeightFit
-        The mean excess over the lines was minimised; |W| >= radius holds on the lines, |W| >= the larger
-        neighbour between them, |W| >= the first and last radius at zero and infinity.
+        The mean excess over the lines, by their importance, was minimised; |W| >= radius holds on the lines,
+        |W| >= the larger neighbour between them, |W| >= the first and last radius at zero and infinity.
 
     Raises
     ------
@@ -481,20 +457,19 @@ def fit_weight(
     >>> [fit_weight(omega, np.abs(1 / (1 + 0.1j * omega) ** n)).W.nstates for n in (0, 1, 2)]
     [0, 1, 2]
     """
-    omega, radius = checked_radius(omega, radius, dt)
-    inside = lines_in_band(omega, band)
+    demand = checked_demand(omega, radius, float(dt), importance)
     if order is None:
-        fit = fit_lowest_order(omega, radius, float(dt), inside)
+        fit = choose_weight(demand)
         order = fit.W.nstates
     else:
         order = require_integer("order", order, least=0)
         if order > MAX_ORDER:
             raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
-        fit = best_weight(omega, radius, order=order, dt=float(dt))
+        fit = best_weight(demand, order)
     if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
         return fit
     for enough in range(order + 1, MAX_ORDER + 1):
-        if best_weight(omega, radius, order=enough, dt=float(dt)).mean_excess_db < MAX_MEAN_EXCESS_DB:
+        if best_weight(demand, enough).mean_excess_db < MAX_MEAN_EXCESS_DB:
             cure = f"Order {enough} would do."
             break
     else:
@@ -505,29 +480,98 @@ def fit_weight(
     )
 
 
-def lines_in_band(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
-    """Return which frequencies lie in a band, at least one."""
-    limits = np.asarray(band, dtype=float) if isinstance(band, tuple) else np.empty(0)
-    inside = np.logical_and(omega >= limits.min(initial=np.inf), omega <= limits.max(initial=-np.inf))
-    if limits.shape != (2,) or not inside.any():
-        raise ValueError(f"band must be two frequencies [rad/s] around some of omega, got {short_form(band)}")
-    return inside
+@value
+class Demand:
+    """Lines omega (W,) [rad/s], the radius there, the sampling time [s], and what the lines count for, in all one."""
+
+    omega: np.ndarray
+    radius: np.ndarray
+    dt: float
+    share: np.ndarray
+
+    @property
+    def x(self) -> np.ndarray:
+        """The lines on the imaginary axis."""
+        return imaginary_axis_frequencies(self.omega, self.dt)
+
+    @property
+    def envelope(self) -> np.ndarray:
+        """The log magnitude that each line needs, for a continuous weight to cover the larger neighbour."""
+        log_r = np.log(self.radius)
+        sides = np.pad(log_r, 1, mode="edge")
+        return np.maximum(log_r, np.maximum(sides[:-2], sides[2:]))
 
 
-def fit_lowest_order(omega: np.ndarray, radius: np.ndarray, dt: float, inside: np.ndarray) -> WeightFit:
-    """Fit the weight of the lowest order that is close to the radius at some frequencies; else of the highest."""
-    fit = cache(lambda order: best_weight(omega, radius, order=order, dt=dt))
+def best_weight(demand: Demand, order: int) -> WeightFit:
+    """Fit the weight of an order: exact where possible, otherwise of least mean excess found."""
+    if order and (exact := exact_weight(demand, order)):
+        return exact
+    problem = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share)
+    coarse = problem.coarsen(COARSE_POINTS)
+    growth = constant_weight(coarse)
+    while growth.order < order:
+        growth = add_states(coarse, growth, min(2, order - growth.order))
+    return finished_weight(demand, problem, growth)
 
-    def is_close(order: int) -> bool:
-        ratio = np.abs(response(fit(order).W, omega[inside])) / radius[inside]
-        return bool(np.mean(DB * np.log(ratio)) <= CLOSE_DB)
 
-    order = FIRST_ORDER
-    while order < MAX_CHOSEN_ORDER and not is_close(order):
-        order += 1
-    while order and is_close(order - 1):
-        order -= 1
-    return fit(order)
+def choose_weight(demand: Demand) -> WeightFit:
+    """Fit the weight of the order whose states pay: least mean excess and price of its states together."""
+    fits = list(islice((fit for order in exact_orders(demand) if (fit := exact_weight(demand, order))), 1))
+    problem = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share)
+    coarse = problem.coarsen(COARSE_POINTS)
+    path = [constant_weight(coarse)]
+
+    def price(growth: Growth) -> float:
+        return DB * growth.fit[0] + STATE_PRICE_DB * growth.order
+
+    best, most = path[0], fits[0].W.nstates if fits else MAX_CHOSEN_ORDER
+    while path[-1].order + 2 <= min(most, price(best) / STATE_PRICE_DB, best.order + 2 * PATIENCE):
+        path.append(add_states(coarse, path[-1], 2))
+        best = min(best, path[-1], key=price)
+    if best.order:
+        best = min(best, add_states(coarse, path[best.order // 2 - 1], 1), key=price)
+    fits.append(finished_weight(demand, problem, best))
+    return min(fits, key=lambda fit: fit.mean_excess_db + STATE_PRICE_DB * fit.W.nstates)
+
+
+def exact_orders(demand: Demand) -> list[int]:
+    """Return the orders of which the radius may be a weight: a first fit comes near it, as one of high order does."""
+    problem = magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True).thin(150)
+
+    def is_near(order: int) -> bool:
+        theta = fit_squared_magnitude(problem, order)
+        if theta is None:
+            return True
+        error = problem.excess(theta, -problem.mean_excess(theta, 0.0, order), order)[0]
+        return bool(np.abs(error).max() < ROUGH_TOLERANCE)
+
+    return [order for order in range(1, MAX_EXACT_ORDER + 1) if is_near(order)] if is_near(MAX_EXACT_ORDER) else []
+
+
+def exact_weight(demand: Demand, order: int) -> WeightFit | None:
+    """Return the weight that the radius is, if it is one of this order."""
+    if demand.omega.size < 4 * (2 * order + 1):  # through fewer lines a weight may go by accident
+        return None
+    error, theta, _ = least_squares(magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True), order)[0]
+    if error > EXACT_TOLERANCE:
+        return None
+    fit = verify_and_lift(demand, theta, order, exact=True)
+    return fit if fit.max_excess_db < EXACT_DB else None
+
+
+def finished_weight(demand: Demand, problem: MagnitudeProblem, growth: Growth) -> WeightFit:
+    """Return the weight polished on all lines and verified; never worse than a constant, nor than before."""
+    order, (_, theta, log_k) = growth.order, growth.fit
+    polished, _ = polish_by_barrier(
+        problem.coarsen(FINE_POINTS),
+        theta,
+        log_k=log_k,
+        order=order,
+        barriers=(0.1, 0.02, 0.005, 0.001),
+        n_iterations=60,
+    )
+    fits = [verify_and_lift(demand, each, order, exact=False) for each in (polished, theta, np.zeros(2 * order))]
+    return min(fits, key=lambda fit: fit.mean_excess_db)
 
 
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
@@ -543,8 +587,8 @@ def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
     return fit_weight(omega, radius, order=weight.nstates, dt=dt).W
 
 
-def checked_radius(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and radius, each checked."""
+def checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance: np.ndarray | None) -> Demand:
+    """Return the demand, each part checked."""
     omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
     dt = require_nonnegative("dt", dt)
     if omega.size < 2 or radius.shape != omega.shape:
@@ -558,26 +602,14 @@ def checked_radius(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np
         raise ValueError(
             f"omega must not exceed the Nyquist frequency pi / dt = {np.pi / dt:g} rad/s, got {omega[-1]:g} rad/s"
         )
-    return omega, radius
-
-
-def best_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float) -> WeightFit:
-    """Fit the weight: exact where possible, otherwise of least mean excess found, never worse than a constant."""
-    deadline = time.monotonic() + TIME_CAP
-    x = imaginary_axis_frequencies(omega, dt)
-    log_r = np.log(radius)
-    fits = [verify_and_lift(omega, radius, theta=np.zeros(2 * order), order=order, dt=dt, exact=False)]
-    begun = least_squares(magnitude_problem(x, log_r, ends=False, free=True), order) if order else []
-    if begun and begun[0][0] < EXACT_TOLERANCE and x.size >= 4 * (2 * order + 1):
-        # through that many lines a weight goes by no accident
-        fit = verify_and_lift(omega, radius, theta=begun[0][1], order=order, dt=dt, exact=True)
-        if fit.max_excess_db < EXACT_DB:
-            return fit
-    if order:
-        problem = magnitude_problem(x, neighbour_envelope(log_r), ends=True).coarsen(MAX_POINTS)
-        for theta in least_excess(problem, order, fits=begun, deadline=deadline):
-            fits.append(verify_and_lift(omega, radius, theta=theta, order=order, dt=dt, exact=False))
-    return min(fits, key=lambda fit: fit.mean_excess_db)
+    share = np.ones(omega.size) if importance is None else require_real_array("importance", importance, ndim=1)
+    if share.shape != omega.shape or share.min() < 0 or not share.any():
+        raise ValueError(
+            f"importance must be one number of at least 0 for each of {omega.size} frequencies, not all of them 0, got "
+            f"{short_form(importance)}"
+        )
+    share = np.maximum(share, LEAST_IMPORTANCE * share.max())
+    return Demand(omega=omega, radius=radius, dt=dt, share=share / share.sum())
 
 
 def imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
@@ -585,27 +617,16 @@ def imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
     return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
 
 
-def neighbour_envelope(log_r: np.ndarray) -> np.ndarray:
-    """Return the log magnitude that each line needs, for a continuous weight to cover the larger neighbour."""
-    upper = log_r.copy()
-    upper[1:] = np.maximum(upper[1:], log_r[:-1])
-    upper[:-1] = np.maximum(upper[:-1], log_r[1:])
-    return upper
-
-
-def verify_and_lift(
-    omega: np.ndarray, radius: np.ndarray, *, theta: np.ndarray, order: int, dt: float, exact: bool
-) -> WeightFit:
+def verify_and_lift(demand: Demand, theta: np.ndarray, order: int, *, exact: bool) -> WeightFit:
     """Return the weight as a system, lifted until it covers the radius on a finer grid."""
+    radius, dt = demand.radius, demand.dt
     shape = from_roots(*map_to_model_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
-    on_lines = np.abs(response(shape, omega))
+    on_lines = np.abs(response(shape, demand.omega))
     needed = np.max(radius / on_lines)
     if not exact:
         low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
-        between = largest_shortfall(theta, order, omega=omega, radius=radius, dt=dt)
-        needed = max(
-            needed, np.max(np.exp(neighbour_envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1]
-        )
+        between = largest_shortfall(demand, theta, order)
+        needed = max(needed, np.max(np.exp(demand.envelope) / on_lines), between, radius[0] / low, radius[-1])
     gain = float(needed) * (1 + LIFT)
     W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
     excess = DB * np.log(on_lines * gain / radius)
@@ -613,7 +634,7 @@ def verify_and_lift(
         W=W,
         min_ratio=gain / float(needed),
         max_excess_db=float(excess.max()),
-        mean_excess_db=float(excess.mean()),
+        mean_excess_db=float(demand.share @ excess),
         exact=exact,
     )
 
@@ -624,13 +645,13 @@ def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
     return np.exp(top - bottom)
 
 
-def largest_shortfall(theta: np.ndarray, order: int, *, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
+def largest_shortfall(demand: Demand, theta: np.ndarray, order: int) -> float:
     """Return the largest ratio of larger neighbour to |W| between the lines: on a finer grid, then in each dip.
 
     The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
     """
-    x = np.log(imaginary_axis_frequencies(omega, dt))
-    x[-1] += 10.0 * (omega[-1] * dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
+    x, radius = np.log(demand.x), demand.radius
+    x[-1] += 10.0 * (demand.omega[-1] * demand.dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
     fine = (x[:-1, None] + np.linspace(0, 1, REFINEMENT + 1) * np.diff(x)[:, None]).ravel()
     fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MAX_POINTS)]))
     target = np.maximum(radius[1:], radius[:-1])

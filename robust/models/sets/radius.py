@@ -95,7 +95,8 @@ def fit_extrapolated(
     """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too."""
     omega, radius = covered
     try:
-        return fit_weight(omega, radius, order=order, dt=dt, band=(lines[0], lines[-1])).W
+        measured = 1.0 * ((omega >= lines[0]) & (omega <= lines[-1]))
+        return fit_weight(omega, radius, order=order, dt=dt, importance=measured).W
     except WeightOrderError as error:
         if rules.below == rules.above == 0:
             raise

@@ -3,12 +3,21 @@
 import control
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robust import fit_weight, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.refinement import magnitude_problem, section_hessian
-from robust.models.fit.weights import CLOSE_DB, MAX_CHOSEN_ORDER, best_weight, cover_sampled
+from robust.models.fit.weights import (
+    LEAST_IMPORTANCE,
+    MAX_CHOSEN_ORDER,
+    PATIENCE,
+    STATE_PRICE_DB,
+    WeightOrderError,
+    cover_sampled,
+)
 
 OMEGA = np.geomspace(1, 1e4, 1000)
 LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi
@@ -143,37 +152,111 @@ def test_more_order_never_costs_more_than_a_little():
 
 @pytest.mark.parametrize("dt", [0.0, 1e-4])
 @pytest.mark.parametrize("shape", [*SHAPES, "flat"])
-def test_the_lowest_order_that_is_close_is_taken(shape, dt):
+def test_every_state_of_a_chosen_order_pays(shape, dt):
+    """No order from one state less up to `PATIENCE` pairs more has a clearly smaller sum of excess and price."""
     radius = (SHAPES | {"flat": np.ones_like})[shape](OMEGA)
     fit = fit_weight(OMEGA, radius, dt=dt)
     assert_covers(fit, OMEGA, radius, dt)
     order = fit.W.nstates
-    assert fit.mean_excess_db <= CLOSE_DB or order == MAX_CHOSEN_ORDER
     assert order or shape == "flat"
-    if order:
-        assert best_weight(OMEGA, radius, order=order - 1, dt=dt).mean_excess_db > CLOSE_DB
+    assert order <= MAX_CHOSEN_ORDER
+    for other in {max(order - 2, 0), *range(order + 2, min(order + 2 * PATIENCE, MAX_CHOSEN_ORDER) + 1, 2)}:
+        try:
+            saved = fit.mean_excess_db - fit_weight(OMEGA, radius, order=other, dt=dt).mean_excess_db
+        except ValueError:  # that order lies 30 dB and more over the radius
+            continue
+        # the choice is made on fewer points, and an edge between two lines is another demand on those
+        assert saved < STATE_PRICE_DB * (other - order) + (1.0 if "step" in shape else 0.3)
 
 
-def test_the_choice_of_the_order_looks_at_the_band():
-    flat_outside = np.where(OMEGA < 1e3, SHAPES["resonance"](OMEGA), 0.01)
-    alone = fit_weight(OMEGA[OMEGA < 1e3], flat_outside[OMEGA < 1e3])
-    fits = [fit_weight(OMEGA, flat_outside, band=band) for band in ((0.0, 1e3), (2e3, 1e4))]
-    assert fits[0].W.nstates >= alone.W.nstates
-    for fit, inside in zip(fits, (OMEGA < 1e3, OMEGA > 2e3), strict=True):
-        assert np.mean(20 * np.log10(np.abs(response(fit.W, OMEGA)) / flat_outside)[inside]) <= CLOSE_DB
+@pytest.mark.parametrize("rng", range(5))
+def test_the_order_stays_low_where_it_does_not_pay(rng):
+    """Scatter of single lines is hardly followed: most orders save less than a tenth of a decibel a state of it."""
+    scatter = np.exp(0.05 * np.random.default_rng(rng).normal(size=OMEGA.size))
+    assert fit_weight(OMEGA, scatter).W.nstates <= 2
+    first_order = np.abs((1j * OMEGA + 500) / (5j * OMEGA + 500))
+    assert fit_weight(OMEGA, first_order * scatter).W.nstates <= 4
+    assert fit_weight(OMEGA, first_order).W.nstates == 1
 
 
-@pytest.mark.parametrize("band", [None, (1.0,), (1e5, 1e6), (1.0, np.nan), "all"])
-def test_a_band_without_a_frequency_is_refused(band):
-    with pytest.raises(ValueError, match="band must be two frequencies"):
-        fit_weight(OMEGA, spiky(OMEGA), band=band)
+def modes(rng, omega, n):
+    """What a machine with n modes leaves of a model without them: a floor that falls, a peak at each mode, scatter."""
+    rng = np.random.default_rng(rng)
+    radius = 3 / (1 + omega / 30) ** 1.5 + 0.02
+    for place in np.exp(np.linspace(np.log(200), np.log(5000), n) + rng.uniform(-0.2, 0.2, n)):
+        radius = radius + 0.02 * np.abs(1 / (1 - (omega / place) ** 2 + 0.06j * omega / place))
+    return radius * np.exp(0.06 * rng.normal(size=omega.size))
 
 
-def test_no_order_up_to_eight_is_close_to_scatter():
-    omega = np.linspace(1, 500, 300)
-    assert fit_weight(omega, spiky(omega)).W.nstates == MAX_CHOSEN_ORDER
+@pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
+@pytest.mark.parametrize("rng", range(4))
+def test_a_spiky_radius_is_followed_below_three_decibels(omega, rng):
+    radius = modes(rng, omega, 2 + rng % 3)
+    fit = fit_weight(omega, radius)
+    assert_covers(fit, omega, radius)
+    assert fit.mean_excess_db < 3.0
+
+
+def test_independent_spikes_leave_what_every_weight_leaves():
+    """|W| is continuous and covers the larger neighbour on both sides: of radii that are independent from line to line
+    this alone is 4.2 dB in the mean, whatever the order, and a weight of few states lies over the largest of many."""
+    radius = spiky(OMEGA)
+    sides = np.pad(radius, 1, mode="edge")
+    least = np.mean(20 * np.log10(np.maximum(radius, np.maximum(sides[:-2], sides[2:])) / radius))
+    assert least > 4.0
+    assert least < fit_weight(OMEGA, radius, order=16).mean_excess_db < 12.0
+    assert fit_weight(OMEGA, radius).W.nstates <= 6
+
+
+def test_importance_says_where_excess_matters():
+    """Of a radius that order 2 cannot follow everywhere the part below 100 rad/s is followed, and all of it covered."""
+    radius = modes(1, OMEGA, 4)
+    importance = 1 / np.sqrt(1 + (OMEGA / 200) ** 4)
+    plain, weighed = (fit_weight(OMEGA, radius, order=2, importance=each) for each in (None, importance))
+    assert_covers(plain, OMEGA, radius)
+    excess = [20 * np.log10(np.abs(response(fit.W, OMEGA)) / radius) for fit in (plain, weighed)]
+    assert excess[1].min() >= 0
+    counted = np.maximum(importance, LEAST_IMPORTANCE * importance.max())
+    assert weighed.mean_excess_db == pytest.approx(np.average(excess[1], weights=counted), abs=1e-6)
+    low, high = OMEGA < 100, OMEGA > 1000
+    assert excess[1][low].mean() < 0.6 * excess[0][low].mean()
+    assert excess[1][high].mean() < 20.0
+
+
+@pytest.mark.parametrize(
+    "importance", [np.ones(999), -np.ones(1000), np.zeros(1000), np.full(1000, np.nan), np.ones((1000, 1)), "all"]
+)
+def test_an_importance_that_is_none_is_refused(importance):
+    with pytest.raises(ValueError, match=r"importance must (be|have|hold)"):
+        fit_weight(OMEGA, spiky(OMEGA), importance=importance)
+
+
+@given(
+    rng=st.integers(0, 10**6),
+    n=st.integers(2, 60),
+    scatter=st.floats(0.0, 2.0),
+    order=st.one_of(st.none(), st.integers(0, 7)),
+    dt=st.sampled_from([0.0, 1e-3]),
+)
+@settings(max_examples=40, deadline=None)
+def test_random_radii_are_covered_everywhere(rng, n, scatter, order, dt):
+    """Lines at any distance, walks with scatter on them; against a dense grid of our own."""
+    rng = np.random.default_rng(rng)
+    omega = np.sort(np.exp(rng.uniform(0, np.log(3000), n)))
+    omega = omega[np.diff(omega, prepend=0) > 1e-6 * omega]
+    if omega.size < 2:
+        return
+    radius = np.exp(scatter * rng.normal(size=omega.size) + np.cumsum(0.2 * rng.normal(size=omega.size)))
+    try:
+        fit = fit_weight(omega, radius, order=order, dt=dt)
+    except WeightOrderError:  # a walk over more than 30 dB
+        return
+    assert_covers(fit, omega, radius, dt)
+
+
+def test_a_radius_over_decades_of_decibels_is_refused():
     with pytest.raises(ValueError, match=r"got order 8 with .* dB"):
-        fit_weight(np.geomspace(1, 1e4, 1000), 10.0 ** (3 * np.tile([0, 1], 500)))
+        fit_weight(np.geomspace(1, 1e4, 1000), 10.0 ** (3 * np.tile([0, 1], 500)), order=8)
 
 
 def test_two_points_and_ten_thousand():
