@@ -123,8 +123,8 @@ def model(
     poles: Annotated[
         int | None,
         typer.Option(
-            help="Poles of the nominal model. When not given as few as serve the loop of --bandwidth; without it as many "
-            "as the data ask for."
+            help="Poles of the nominal model. When not given as few as serve the loop of --bandwidth, without it as "
+            "many as the data ask for."
         ),
     ] = None,
     zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,

@@ -50,9 +50,9 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.sets.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.orders import scan_orders
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)

@@ -25,9 +25,9 @@ from nlfrf._base.axes import (
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.models.fit.nominal import NominalFit, bla_behind_hold
-from robust.models.sets.orders import OrderScan
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.models.sets.orders import OrderScan
 from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, mark_band, to_hertz
 
 if TYPE_CHECKING:

@@ -23,9 +23,9 @@ from robust.io.certificates import certificate_path, save_certificate, verify_ce
 from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
-from robust.models.sets.orders import describe_order, scan_orders
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.models.sets.orders import describe_order, scan_orders
 
 if TYPE_CHECKING:
     import control
