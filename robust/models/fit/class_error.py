@@ -26,13 +26,18 @@ N_SIZES = 80  # of epsilon on the first grid of a search, over all sizes that co
 N_BALANCE = 5  # rounds that balance rows and columns; each divides what is left by ten or more
 
 
-def target_loop(omega: np.ndarray, omega_c: float) -> np.ndarray:
+def target_loop(omega: np.ndarray, omega_c: float, shape: np.ndarray | float = 1.0) -> np.ndarray:
     """Return (W,) |T_c| = 1/sqrt(1 + (omega/2 omega_c)^4) of a loop with that crossover [rad/s]; one where it is nan.
+
+    shape : |G| over |G| smoothed, where the loop gain of a smooth controller rises and falls with it.
 
     >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0).round(3).tolist()
     [1.0, 0.707, 0.01]
     """
-    return np.ones(omega.size) if np.isnan(omega_c) else 1 / np.sqrt(1 + (omega / (2 * omega_c)) ** 4)
+    if np.isnan(omega_c):
+        return np.ones(omega.size)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.sqrt(1 + ((omega / (2 * omega_c)) ** 2 / shape) ** 2))
 
 
 def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:

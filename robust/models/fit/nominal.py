@@ -50,7 +50,7 @@ from robust.models.fit.shared_poles import (
     refine_shared_poles,
     response_derivatives,
 )
-from robust.models.fit.weights import MAX_CHOSEN_ORDER, MAX_ORDER
+from robust.models.fit.weights import MAX_CHOSEN_ORDER
 
 #: A BLA, several of them, or an FRF from elsewhere.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
@@ -365,14 +365,23 @@ def poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     return size[((size < low / OUTSIDE_FACTOR) & (size > INTEGRATOR_RATIO * low)) | (size > high * OUTSIDE_FACTOR)]
 
 
-def checked_weight(weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray) -> control.StateSpace:
-    """Return the weight, with a warning where its mean over the lines [rad/s] lies far above its radius."""
+def checked_weight(
+    weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray, *, order: int | None
+) -> control.StateSpace:
+    """Return the weight, with a warning where its mean over the lines [rad/s] lies far above its radius.
+
+    order : that was asked for; None where it was chosen.
+    """
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
     if excess > EXCESSIVE_RATIO:
         data_warning(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
             "lines: the set is much larger than what was measured asks for. "
-            + ("Leave its order out" if weight.nstates < MAX_CHOSEN_ORDER else f"Give it an order up to {MAX_ORDER}"),
+            + (
+                "Leave its order out"
+                if order is not None and order < MAX_CHOSEN_ORDER
+                else "The radius scatters more from line to line than a weight follows: average more periods or realisations"
+            ),
             DesignWarning,
         )
     return weight
@@ -554,7 +563,8 @@ def fit_nominal(
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
         Number of zeros. When not given as many as the data show, n_poles - 1 at most, or n_poles where the delay is
-        estimated and they are likelier. Of several channels none is given, or n_poles for a direct term.
+        estimated, no crossover is named and they are likelier. Of several channels none is given, or n_poles for a
+        direct term.
     delay : float or "estimate"
         Delay [s] in series; in discrete time a whole number of samples. Of several channels also (n_u,),
         one for each input.
@@ -621,8 +631,8 @@ def likeliest_fit(
     """Return the fit of so many poles; where the number of zeros is open, that of the lowest criterion.
 
     Zeros above the band that the data do not show are none: `fewer` are fits without them, where they were made. A
-    direct term is tried where a delay is estimated, which a zero too few would shorten; a sampled plant behind a hold
-    has none.
+    direct term is tried where a delay is estimated, which a zero too few would shorten. A sampled plant behind a hold
+    has none, nor has one for a loop: through it the whole set above the Nyquist frequency folds down.
     """
     orders = checked_orders(search, n_poles, n_zeros)
     weighted, roots = search.best_with_class_error(orders)
@@ -632,7 +642,8 @@ def likeliest_fit(
     elif n_zeros is None or fewer is not None:
         highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
         tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
-    if n_zeros is None and search.delay is None and not search.dt and n_poles < search.lines.omega.size:
+    unnamed_loop = search.delay is None and not search.dt and np.isnan(search.lines.omega_c)
+    if n_zeros is None and unnamed_loop and n_poles < search.lines.omega.size:
         tried.append(search.best_with_class_error((n_poles, n_poles)))
     fit = min((nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)

@@ -30,6 +30,7 @@ MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
 SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
 ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
 N_DELAYS = 3  # delays of a scan that are refined
+N_RELOCATIONS, N_ROUGH = 12, 4  # of vector fitting, and where delays are only compared
 SAME_COST = 1e-6  # relative: two such starts are one
 LIKELY_COST = 0.05  # probability of a cost over which there is nothing left to search for
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it: the class misses something
@@ -272,8 +273,11 @@ class FitSearch:
     def fresh(self, orders: tuple[int, int]) -> list[Roots]:
         """Return starts from scratch, at the delay that is given or those that leave least."""
         if self.delay is None:
-            fits = [vector_fitted(self, orders, float(tau), "log") for tau in trial_delays(self.lines, self.dt)]
-            starts = sorted(fits, key=lambda roots: roots[4])[:N_DELAYS]
+            delays = trial_delays(self.lines, self.dt)
+            rough = [vector_fitted(self, orders, float(tau), "log", n_iterations=N_ROUGH) for tau in delays]
+            best = sorted(rough, key=lambda roots: roots[4])[:N_DELAYS]
+            starts = [vector_fitted(self, orders, roots[3], "log") for roots in best]
+            starts.sort(key=lambda roots: roots[4])
         else:
             starts = [vector_fitted(self, orders, self.delay, "log")]
         return starts + [vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")]
@@ -292,7 +296,9 @@ def trial_delays(lines: FrfData, dt: float) -> np.ndarray:
     return trials[:: max(1, trials.size // 60)]
 
 
-def vector_fitted(search: FitSearch, orders: tuple[int, int], tau: float, spacing: str) -> Roots:
+def vector_fitted(
+    search: FitSearch, orders: tuple[int, int], tau: float, spacing: str, *, n_iterations: int = N_RELOCATIONS
+) -> Roots:
     """Return zeros and poles by vector fitting behind a delay [s], or poles on the peaks."""
     lines, (n_poles, n_zeros) = search.lines, orders
     s = s_plane_points(lines.omega, search.dt)
@@ -306,7 +312,9 @@ def vector_fitted(search: FitSearch, orders: tuple[int, int], tau: float, spacin
     if n_poles and spacing != "peaks":
         # a wild variance ratio stalls the relocation; the refinement works with the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
-        poles = vector_fit(s, data, weight=tame, poles=poles, n_zeros=n_zeros, stable=search.stable)
+        poles = vector_fit(
+            s, data, weight=tame, poles=poles, n_zeros=n_zeros, n_iterations=n_iterations, stable=search.stable
+        )
         poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
     return with_numerator(search, poles, n_zeros, tau)
 

@@ -31,6 +31,7 @@ from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
+from robust.models.fit.class_error import target_loop
 from robust.models.fit.nominal import (
     NominalFit,
     bla_behind_hold,
@@ -230,6 +231,7 @@ def uncertainty(
         even=even,
         systematic=None if systematic is None else require_real("systematic", systematic),
     )
+    omega_c = nominal.omega_c if isinstance(nominal, NominalFit) else float("nan")
     nominal, delay = nominal_of_several_channels(nominal, recorded[0]) if several else nominal_of_one_channel(nominal)
     dt = sampling_time_of(nominal)
     make = partial(UncertaintyModel, nominal=nominal, form=form, perturbation=perturbation)
@@ -239,11 +241,12 @@ def uncertainty(
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
     many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
-    made = (block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2))
+    made = (block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2), omega_c)
     made["origin"] = replace(
         made["origin"],
         source="; ".join(map(describe_record, many)),
         delay=delay,
+        omega_c=omega_c,
         hold=many[0].hold if len({one.hold for one in many}) == 1 else "unknown",
         fs=min(one.fs for one in many),
         unit=many[0].unit,
@@ -279,6 +282,7 @@ def disc_set(
     order: int | None,
     spec: RadiusSpec,
     scaling: Scaling,
+    omega_c: float,
 ) -> SetFields:
     """Return radius, its parts and weight of a set of one channel, in the unit of its form."""
     row, dt = FORMS[form], sampling_time_of(nominal)
@@ -291,8 +295,12 @@ def disc_set(
     factor, *covered = radius_in_form(
         row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
     )
+    importance = None
+    if not np.isnan(omega_c):  # as rs of the loop: where it is largest, an excess costs its margin
+        importance = target_loop(omega, omega_c) * absolute / np.abs(nominal_response(nominal, omega))
+    weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt, importance=importance)
     return {
-        "weight": checked_weight(fit_extrapolated(omega, covered, rules, order=order, dt=dt), omega, absolute * factor),
+        "weight": checked_weight(weight, omega, absolute * factor, order=order),
         "omega": omega,
         "radius": absolute * factor,
         "budget": {name: part * factor for name, part in parts.items() if np.isfinite(part).any()},
@@ -309,6 +317,7 @@ def block_set(
     order: int | None,
     spec: RadiusSpec,
     scaling: Scaling,
+    omega_c: float,
 ) -> SetFields:
     """Return radii and weights of a set of several channels; the assumption outside the band applies to W_l only."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
@@ -322,7 +331,14 @@ def block_set(
         n, budget = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
     weights = tuple(
-        fit_covering_weight(omega, row, order=order, rules=rule, dt=sampling_time_of(nominal))
+        fit_covering_weight(
+            omega,
+            row,
+            order=order,
+            rules=rule,
+            dt=sampling_time_of(nominal),
+            importance=target_loop(omega, omega_c),
+        )
         for row, rule in zip(radius, each, strict=True)
     )
     return {
@@ -467,9 +483,8 @@ def set_of_user(
     if spec.simultaneous or spec.systematic is not None:
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
-    weight = checked_weight(
-        fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt), omega, radius
-    )
+    weight = fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
+    weight = checked_weight(weight, omega, radius, order=order)
     return {
         "omega": omega,
         "radius": radius,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import control
@@ -13,7 +13,8 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_count, format_hertz, require_integer
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
-from robust.models.fit.class_error import balance, target_loop
+from robust.lti.lti import response, timebase, to_s_plane
+from robust.models.fit.class_error import balance, loop_tolerance, target_loop
 from robust.models.fit.nominal import (
     OUTSIDE_FACTOR,
     Measurement,
@@ -27,7 +28,13 @@ from robust.models.fit.nominal import (
 )
 from robust.models.fit.rational import Roots
 from robust.models.fit.search import UNLIKELY_COST, FitSearch
-from robust.models.sets.radius import RadiusSpec, element_parts, record_radius_parts, sum_of_parts
+from robust.models.sets.radius import (
+    RadiusSpec,
+    element_parts,
+    larger_neighbour,
+    record_radius_parts,
+    sum_of_parts,
+)
 
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
@@ -45,9 +52,9 @@ CRITERION_TEXT = (
     f"times the radius of the set stays below {ENOUGH:g}"
 )
 CROSSOVER_TEXT = (
-    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value on any line, "
-    f"with |T_c| = 1/sqrt(1 + (f/2 f_c)^4); taken is the smallest order below {ENOUGH:g}, or within "
-    f"{NEAR_BEST - 1:.0%} of the best. Higher orders are not tried where one is below"
+    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, with |T_c| = "
+    f"1/sqrt(1 + (f/2 f_c)^4) where |G| is smooth; taken is the smallest order below {ENOUGH:g}, or within "
+    f"{NEAR_BEST - 1:.0%} of the best. Higher orders are not tried where no nominal could be better"
 )
 
 
@@ -159,8 +166,8 @@ def scan_orders(
         takes 1 (residues) or 0 (with a direct term).
     delay : float or str
         As in `fit_nominal` [s], or "auto": none, and a fit with "estimate" next to it where the phase asks for a delay:
-        with a crossover where no order without one suffices, else where no order without one explains the data by poles
-        and zeros that they carry.
+        with a crossover where no order without one suffices and the best has zeros in the right half plane, else where
+        no order without one explains the data by poles and zeros that they carry.
 
     Returns
     -------
@@ -240,9 +247,16 @@ def scan_for_loop(
     free: FitSearch | None,
     many: Sequence[Bla],
 ) -> list[NominalFit]:
-    """Return fits of growing order until the set of one lets the loop be: without a delay, and then with one."""
-    fits = []
+    """Return fits of growing order until the set of one lets the loop be: without a delay, and then with one.
+
+    A delay is tried where the best of those without one has zeros in the right half plane, which stand for it.
+    """
+    fits: list[NominalFit] = []
     for one in (search,) if free is None else (search, free):
+        if fits:
+            best = min(fits, key=lambda fit: set_sizes(fit, many).loop_radius)
+            if not np.any(to_s_plane(best.G.zeros(), timebase(best.G)).real > 0):
+                break
         for n, n_zeros in zeros_of.items():
             fit = likeliest_fit(one, bla, n, n_zeros)
             if one is search or fit.delay:
@@ -303,49 +317,66 @@ class SetSizes:
 
 def set_sizes(fit: NominalFit, many: Sequence[Bla]) -> SetSizes:
     """Return what the set about a fit, made of these records, allows a loop."""
-    relative, scatter = relative_radii(fit, many)
+    rows = [radii_of_record(fit, one, at) for one, at in parts_of_records(fit, many)]
+    omega, relative, scatter, shape = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        allowed = fit.omega / 2 / ((relative / ENOUGH) ** 2 - 1) ** 0.25
+        allowed = omega / 2 / (shape**2 * ((relative / ENOUGH) ** 2 - 1)) ** 0.25
     reach = min(float(np.min(allowed[relative > ENOUGH], initial=np.inf)), float(fit.omega.max()))
     if np.isnan(fit.omega_c):
         return SetSizes(radius=np.nan, loop_radius=np.nan, reach=reach, suffices=False)
-    target = target_loop(fit.omega, fit.omega_c)
+    target = target_loop(omega, fit.omega_c, shape)
     loop = float(np.max(relative * target))
     return SetSizes(
-        radius=float(relative[fit.omega <= fit.omega_c].max()),
+        radius=float(relative[omega <= fit.omega_c].max()),
         loop_radius=loop,
         reach=reach,
         suffices=loop < max(ENOUGH, NEAR_BEST * float(np.max(scatter * target))),
     )
 
 
-def relative_radii(fit: NominalFit, many: Sequence[Bla]) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F,) the radius of the set about a fit over |G| on its lines, and what of it no other nominal changes.
+def parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla | None, slice]]:
+    """Return each record with the place of its lines in a fit to all of them; no record for a bare FRF."""
+    start = 0
+    for one in many:
+        yield one, slice(start, start + one.omega.size)
+        start += one.omega.size
+    if not many:
+        yield None, slice(None)
 
-    Of a bare FRF what the fit misses, and zero. Of several channels the largest gain of the radii over that of |G|,
-    rows and columns balanced.
+
+def radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
+    """Return (4, W) frequencies, radius over |G|, what of it no other nominal changes, and |G| over |G| smoothed.
+
+    On the lines of the record, and with one channel at the modes of the nominal between them, where the radius is the
+    larger neighbour. Of a bare FRF the radius is what the fit misses. Of several channels it is the largest gain of the
+    radii over that of |G|, rows and columns balanced.
     """
+    omega, G, measured = fit.omega[at], fit.response[..., at], (fit.response + fit.residual)[..., at]
+    smooth = loop_tolerance(omega, measured, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if not many:
-            return np.abs(fit.residual) / np.abs(fit.response), np.zeros(fit.omega.size)
-        ends, spec, each = np.cumsum([one.omega.size for one in many])[:-1], RadiusSpec(), []
-        for one, G in zip(many, np.split(fit.response, ends, axis=-1), strict=True):
-            if one.is_single:
-                parts = record_radius_parts(one, control.frd(G, one.omega), spec)
-                radius = sum_of_parts(parts)
-                each.append([radius / np.abs(G), (radius - parts["misfit"]) / np.maximum(np.abs(one.G), np.abs(G))])
-                continue
+        if G.ndim == 3:
             n_y, n_u, F = G.shape
-            _, parts, total = element_parts([one], [G], spec)
+            assert record is not None  # of several channels a bare FRF was made one
+            _, parts, total = element_parts([record], [G], RadiusSpec())
             radii = [part.reshape(n_u, n_y, F).T for part in (total, total - parts["misfit"])]
-            size = np.abs(np.moveaxis(G, 2, 0))
-            rows, columns = balance(size)
-            *gains, whole = (
-                np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2)) for part in (*radii, size)
+            sizes = [np.abs(np.moveaxis(X, 2, 0)) for X in (G, smooth)]
+            rows, columns = balance(sizes[1])
+            *gains, whole, around = (
+                np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2)) for part in (*radii, *sizes)
             )
-            each.append([gain / whole for gain in gains])
-    relative, scatter = np.concatenate(each, axis=1)
-    return relative, scatter
+            return np.array([omega, *(gain / whole for gain in gains), whole / around])
+        radius, scatter = np.abs(fit.residual[at]), np.zeros(omega.size)
+        if record is not None:
+            parts = record_radius_parts(record, control.frd(G, omega), RadiusSpec())
+            radius = sum_of_parts(parts)
+            scatter = (radius - parts["misfit"]) / np.maximum(np.abs(measured), np.abs(G))
+        size = np.abs(G)
+        on_lines = np.array([omega, radius / size, scatter, size / smooth])
+    modes = np.abs(to_s_plane(fit.G.poles(), timebase(fit.G)))
+    modes = np.unique(modes[(modes > omega[0]) & (modes < omega[-1])])
+    between = [larger_neighbour(modes, omega, row) for row in on_lines[1:3]]
+    peaks = np.abs(response(fit.G, modes)) / np.interp(modes, omega, smooth)
+    return np.hstack([on_lines, [modes, *between, peaks]])
 
 
 def smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:

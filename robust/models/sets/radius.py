@@ -81,22 +81,41 @@ def describe_slope(rule: float) -> str:
 
 
 def fit_covering_weight(
-    omega: np.ndarray, radius: np.ndarray, *, order: int | None, rules: Extrapolation, dt: float
+    omega: np.ndarray,
+    radius: np.ndarray,
+    *,
+    order: int | None,
+    rules: Extrapolation,
+    dt: float,
+    importance: np.ndarray | None = None,
 ) -> control.StateSpace:
     """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
     if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
+    return fit_extrapolated(
+        omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt, importance=importance
+    )
 
 
 def fit_extrapolated(
-    lines: np.ndarray, covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int | None, dt: float
+    lines: np.ndarray,
+    covered: Sequence[np.ndarray],
+    rules: Extrapolation,
+    *,
+    order: int | None,
+    dt: float,
+    importance: np.ndarray | None = None,
 ) -> control.StateSpace:
-    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too."""
+    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too.
+
+    importance : (F,) what an excess counts for on the lines, everywhere the same when not given; below the band it is
+    that of the first line, above it none.
+    """
     omega, radius = covered
     try:
-        measured = 1.0 * ((omega >= lines[0]) & (omega <= lines[-1]))
-        return fit_weight(omega, radius, order=order, dt=dt, importance=measured).W
+        share = np.ones(lines.size) if importance is None else importance
+        counts = np.interp(omega, lines, share) * (omega <= lines[-1])
+        return fit_weight(omega, radius, order=order, dt=dt, importance=counts).W
     except WeightOrderError as error:
         if rules.below == rules.above == 0:
             raise

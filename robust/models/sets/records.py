@@ -102,6 +102,8 @@ class Origin:
         In words, what was assumed outside the measured band.
     delay : float
         The part of the nominal that is a delay [s], for information; it is inside the nominal already.
+    omega_c : float
+        Crossover [rad/s] of the loop that the nominal was fitted for; nan where none was named.
     hold : str
         Hold of the inputs of the record, as `Bla.hold`.
     fs : float
@@ -118,6 +120,7 @@ class Origin:
     source: str = "not stated"
     extrapolation: str = "not stated"
     delay: float = 0.0
+    omega_c: float = float("nan")
     hold: str = "unknown"
     fs: float = float("nan")
     unit: str = ""
