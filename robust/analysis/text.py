@@ -32,7 +32,8 @@ REMEDIES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
-    "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
+    "misfit": "misfit of the nominal model: fit it for the crossover of the loop (robust model --bandwidth, omega_c), or "
+    "compare orders for it (robust orders --bandwidth)",
     "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
     "systematic": "the allowance for the systematic part: measure at a second level",
     "weight": "the weight lies far above the radius: fit one of a higher order",
@@ -69,7 +70,7 @@ def advise_on_margin(
     low, high = float(model.omega[0]), float(model.omega[-1])
     outside = not low * 0.999 <= omega_rs <= high * 1.001
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
-    shares = radius_shares(model, k)
+    shares = model.radius_shares(k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
     where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
     on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
@@ -127,13 +128,6 @@ def advise_on_weight(loop: Loop, margins: Margins) -> str:
         f"{text}it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
         f"uncertainty(..., order={order})."
     )
-
-
-def radius_shares(model: UncertaintyModel, k: int) -> list[tuple[float, str]]:
-    """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
-    parts = {name: float(part[k]) for name, part in model.budget.items() if np.isfinite(part[k])}
-    total = sum(parts.values())
-    return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
 
 
 def describe_set(model: UncertaintyModel) -> str:

@@ -49,6 +49,7 @@ from robust.friction.reading.from_fit import plant_of_fit
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
 from robust.lti.connections import in_series
+from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
@@ -868,7 +869,7 @@ def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tu
         if late:
             reason = reason or late
             continue
-        best, others = fit_orders(machine)
+        best, others = fit_orders(machine, cascade(timing, output_unit=bla.input_units[0]))
         leads = "" if actual else reason_of_lead(best.G, machine, timing)
         if not leads:
             return machine, best, timing
@@ -910,8 +911,10 @@ def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive)
     )
 
 
-def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
+def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, tuple[NominalFit, ...]]:
     """Return the fit of a machine, and those of every order: stable, unless an unstable pole is more than scatter.
+
+    Where scatter explains no fit, what the class misses is kept from the crossover of the loop with the gains.
 
     A free axis has its pole at zero, and a few lines above it cannot tell on which side. A loop that is stable with the
     one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept; one that a
@@ -921,11 +924,24 @@ def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
         scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
     )
     kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
-    if not kept or free.criterion[kept].min() + SURE >= held.criterion.min():
-        return held.fit, held.fits
-    rows = {name: getattr(free, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
-    free = replace(free, **rows, fits=tuple(free.fits[k] for k in kept))
-    return free.fit, free.fits
+    unstable = bool(kept) and free.criterion[kept].min() + SURE < held.criterion.min()
+    scan = held
+    if unstable:
+        rows = ("n_poles", "cost", "expected_cost", "criterion", "radius", "loop_radius", "reach")
+        scan = replace(
+            free, **{name: getattr(free, name)[kept] for name in rows}, fits=tuple(free.fits[k] for k in kept)
+        )
+    omega_c = classical_margins(machine.omega, machine.G * response(K, machine.omega)).crossover
+    if np.any(scan.fit.class_std) and not np.isnan(omega_c):
+        each = [
+            scan_orders(machine, n_poles=(n,), relative_degree=2, delay=0.0, stable=not unstable, omega_c=omega_c)
+            for n in ORDERS
+        ]
+        each = [one for one in each if not cancels_unstable_pole(one.fit.G)]
+        if each:  # |S| is bounded over the set: the smallest one, not the first that is small enough
+            best = min(each, key=lambda one: float(one.loop_radius.min()))
+            return best.fit, (*(one.fit for one in each), *scan.fits)
+    return scan.fit, scan.fits
 
 
 def cancels_unstable_pole(G: control.StateSpace) -> bool:

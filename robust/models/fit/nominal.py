@@ -380,7 +380,7 @@ def checked_weight(
             + (
                 "Leave its order out"
                 if order is not None and order < MAX_CHOSEN_ORDER
-                else "The radius scatters more from line to line than a weight follows: average more periods or realisations"
+                else "Its radius scatters from line to line, which no weight follows: average more realisations"
             ),
             DesignWarning,
         )

@@ -16,7 +16,9 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import (
+    data_warning,
     format_count,
+    format_hertz,
     keep_warnings,
     require_choice,
     require_integer,
@@ -27,6 +29,7 @@ from nlfrf._base.arguments import (
 )
 from robust._base.channels import is_single
 from robust._base.types import AnySystem, Weight
+from robust._base.warnings import DesignWarning
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
@@ -258,7 +261,36 @@ def uncertainty(
         inputs=many[0].inputs,
         outputs=many[0].outputs,
     )
+    warn_of_radius(model)
     return attach_records(model, many, recorded)
+
+
+#: What makes a radius of each of its parts smaller.
+CURES = {
+    "noise": "more periods average noise",
+    "odd": "another level, or more realisations, change odd distortion",
+    "even": "an offset or an asymmetry makes even distortion",
+    "misfit": "the nominal misses the machine there: name the crossover (omega_c, --bandwidth) or compare orders for it",
+    "level": "the plant changes with the level: narrow the levels",
+    "systematic": "a second level measures the systematic part",
+}
+
+
+def warn_of_radius(model: UncertaintyModel) -> None:
+    """Warn of a radius of one or more below the crossover of the nominal, or on the lowest line where none is named."""
+    relative, crossover = model.relative_radius(), model.origin.omega_c
+    low = model.omega <= (model.omega[0] if np.isnan(crossover) else crossover)
+    over = low & (relative >= 1)
+    if not over.any():
+        return
+    k = int(np.argmax(np.where(over, relative, -1.0)))
+    shares = model.radius_shares(k)
+    below = "on the lowest line" if np.isnan(crossover) else f"below the crossover of {format_hertz(crossover)}"
+    data_warning(
+        f"the radius of the set reaches {relative[k]:.3g} of |G| {below}, at {format_hertz(model.omega[k])}: no loop of "
+        f"such a bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {CURES[shares[0][1]]}",
+        DesignWarning,
+    )
 
 
 class SetFields(TypedDict, total=False):

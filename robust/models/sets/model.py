@@ -355,9 +355,42 @@ class UncertaintyModel:
         return (
             f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; "
             f"{self.origin.extrapolation}"
+            + self.describe_radius()
             + ("" if other is None else f", beside it a set of the form {other.form}")
             + (f"; subject to {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
+
+    def radius_shares(self, k: int) -> list[tuple[float, str]]:
+        """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known.
+
+        Of one channel.
+        """
+        parts = {name: float(part[k]) for name, part in self.budget.items() if np.isfinite(part[k])}
+        total = sum(parts.values())
+        return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
+
+    def relative_radius(self) -> np.ndarray:
+        """Return (W,) the radius over |G|, as a relative deviation of the plant; nan where the form has none."""
+        form = FORMS.get(self.form) if self.is_single else None
+        if form is None or form.relative_weight is None:
+            return np.full(self.omega.size, np.nan)
+        return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
+
+    def describe_radius(self) -> str:
+        """Describe how large the radius is below and above the crossover of the nominal, and what it is made of."""
+        relative, crossover = self.relative_radius(), self.origin.omega_c
+        if np.isnan(crossover) or np.isnan(relative).any():
+            return ""
+        text = ""
+        for side, here in (("below", self.omega <= crossover), ("above", self.omega > crossover)):
+            if here.any():
+                k = int(np.argmax(np.where(here, relative, -1.0)))
+                made = ", ".join(f"{name} {100 * share:.0f} %" for share, name in self.radius_shares(k)[:3])
+                text += (
+                    f"; {side} the crossover of {crossover / 2 / np.pi:.4g} Hz at most {relative[k]:.3g} of |G| at "
+                    f"{self.omega[k] / 2 / np.pi:.4g} Hz" + f" ({made})" * bool(made)
+                )
+        return text
 
     @property
     def is_single(self) -> bool:
