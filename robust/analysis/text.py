@@ -32,8 +32,8 @@ REMEDIES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
-    "misfit": "misfit of the nominal model: fit it for the crossover of the loop (robust model --bandwidth, omega_c), or "
-    "compare orders for it (robust orders --bandwidth)",
+    "misfit": "misfit of the nominal model: fit it for the crossover of the loop (omega_c, robust model --bandwidth), "
+    "or compare orders for it (robust orders --bandwidth)",
     "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
     "systematic": "the allowance for the systematic part: measure at a second level",
     "weight": "the weight lies far above the radius: fit one of a higher order",

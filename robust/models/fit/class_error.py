@@ -23,7 +23,8 @@ from scipy.optimize import minimize_scalar
 OCTAVE = 2.0
 MAX_WINDOWS = 200  # of medians; between them m is interpolated
 N_SIZES = 80  # of epsilon on the first grid of a search, over all sizes that could matter
-N_BALANCE = 5  # rounds that balance rows and columns; each divides what is left by ten or more
+N_BALANCE = 8  # rounds that balance rows and columns; each divides what is left by ten or more
+LEAST_ENTRY = 1e-30  # of the largest entry: what a zero counts as
 
 
 def target_loop(omega: np.ndarray, omega_c: float, shape: np.ndarray | float = 1.0) -> np.ndarray:
@@ -85,9 +86,12 @@ def balance(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     size : (..., n, m), not negative. The product does not depend on the units of inputs and outputs.
     """
-    square = np.maximum(size**2, np.finfo(float).tiny ** 0.5 * np.max(size**2, axis=(-2, -1), keepdims=True))
-    columns = np.ones((*size.shape[:-2], size.shape[-1]))
+    log = np.log(np.maximum(size, LEAST_ENTRY * np.max(size, axis=(-2, -1), keepdims=True)))
+    by_row = np.mean(log, axis=-1, keepdims=True)
+    by_column = np.mean(log - by_row, axis=-2, keepdims=True)
+    square = np.exp(2 * (log - by_row - by_column))  # in units of its own
+    columns = np.ones((*size.shape[:-2], 1, size.shape[-1]))
     for _ in range(N_BALANCE):
-        rows = np.mean(square / columns[..., None, :], axis=-1)
-        columns = np.mean(square / rows[..., :, None], axis=-2)
-    return np.sqrt(rows), np.sqrt(columns)
+        rows = np.mean(square / columns, axis=-1, keepdims=True)
+        columns = np.mean(square / rows, axis=-2, keepdims=True)
+    return (np.exp(by_row) * np.sqrt(rows))[..., 0], (np.exp(by_column) * np.sqrt(columns))[..., 0, :]

@@ -270,7 +270,7 @@ CURES = {
     "noise": "more periods average noise",
     "odd": "another level, or more realisations, change odd distortion",
     "even": "an offset or an asymmetry makes even distortion",
-    "misfit": "the nominal misses the machine there: name the crossover (omega_c, --bandwidth) or compare orders for it",
+    "misfit": "the nominal misses the machine there: name the crossover (omega_c, --bandwidth), or compare orders",
     "level": "the plant changes with the level: narrow the levels",
     "systematic": "a second level measures the systematic part",
 }
@@ -287,8 +287,8 @@ def warn_of_radius(model: UncertaintyModel) -> None:
     shares = model.radius_shares(k)
     below = "on the lowest line" if np.isnan(crossover) else f"below the crossover of {format_hertz(crossover)}"
     data_warning(
-        f"the radius of the set reaches {relative[k]:.3g} of |G| {below}, at {format_hertz(model.omega[k])}: no loop of "
-        f"such a bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {CURES[shares[0][1]]}",
+        f"the radius of the set reaches {relative[k]:.3g} of |G| {below}, at {format_hertz(model.omega[k])}: no loop "
+        f"with that bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {CURES[shares[0][1]]}",
         DesignWarning,
     )
 

@@ -1,0 +1,190 @@
+"""What a class of few poles misses of a machine with many: an error of its own, kept from the loop asked for."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import nlfrf
+import robust
+from robust.models import scan_orders
+from robust.models.fit.class_error import balance, loop_tolerance, most_likely_size, target_loop
+from tests.support.printed import unwrapped
+
+pytestmark = pytest.mark.filterwarnings("ignore::robust.DesignWarning")  # each is looked for in the value
+F = np.arange(1.0, 150.25, 0.5)
+S = 2j * np.pi * F
+CROSSOVER = 2 * np.pi * 12
+MODES = ((0.3, 60, 0.02), (-0.2, 87, 0.015), (0.25, 110, 0.03), (0.1, 131, 0.02), (-0.15, 160, 0.02), (0.2, 240, 0.02))
+
+
+def stage(s=S):
+    """(F,) a free stage with six modes and a delay."""
+    flexible = (a / (s**2 + 4 * z * np.pi * f * s + (2 * np.pi * f) ** 2) for a, f, z in MODES)
+    return (1 / (s * (s + 5)) + sum(flexible)) * np.exp(-5e-4 * s)
+
+
+def measured(G, std, seed=0):
+    rng = np.random.default_rng(seed)
+    e = (rng.standard_normal(G.shape) + 1j * rng.standard_normal(G.shape)) / np.sqrt(2) * std
+    return nlfrf.bla_from_frf(F, G + e, std=std)
+
+
+#: Where the scatter of a line is smallest: at high frequencies, nowhere, at low frequencies.
+PRECISIONS = {
+    "falling": np.interp(F, [1, 150], [5e-3, 1e-4]) * np.abs(stage()),
+    "level": 1e-3 * np.abs(stage()),
+    "of y": np.full(F.size, 1e-3 * np.abs(stage()[100])),
+}
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_few_poles_serve_the_loop_wherever_the_scatter_is_smallest(precision):
+    bla = measured(stage(), PRECISIONS[precision])
+    fit = robust.fit_nominal(bla, n_poles=4, omega_c=CROSSOVER)
+    assert "misses what was measured" in fit.warnings[0]
+    low = F < 12
+    assert np.abs(fit.response[low] / stage()[low] - 1).max() < 0.06  # 1e5 by the scatter alone where it falls
+    assert "error of the class: " in unwrapped(fit)
+    assert "% of |G| below 12 Hz" in unwrapped(fit)
+    model = robust.uncertainty(bla, fit)
+    assert model.radius[low].max() < 0.1
+    plant = robust.sampled(model.nominal, 1e-3)
+    K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, CROSSOVER)).K
+    assert robust.check(model, K).verdict == "statistically robust"
+    assert "below the crossover of 12 Hz" in unwrapped(model)
+
+
+def test_where_the_class_holds_the_machine_the_crossover_changes_nothing():
+    G = 3e3 / (S**2 + 8 * S + (2 * np.pi * 20) ** 2)
+    bla = measured(G, 1e-3 * np.abs(G))
+    alone, asked = (robust.fit_nominal(bla, n_poles=2, omega_c=omega_c) for omega_c in (None, CROSSOVER))
+    assert not np.any(asked.class_std)
+    np.testing.assert_allclose(asked.response, alone.response, rtol=1e-9)
+    assert np.isnan(alone.omega_c)
+    assert asked.omega_c == CROSSOVER
+
+
+def test_the_size_of_the_error_is_found_with_its_scatter():
+    """Of N complex errors the relative standard deviation of the size is 1/(2 sqrt(N)) where scatter is small."""
+    rng, n, found = np.random.default_rng(3), 400, []
+    tolerance, var = rng.uniform(0.5, 2.0, n), np.full(n, 1e-4)
+    for _ in range(40):
+        e = (rng.standard_normal(n) + 1j * rng.standard_normal(n)) / np.sqrt(2)
+        square = np.abs(e * np.sqrt(var + (0.1 * tolerance) ** 2)) ** 2
+        found.append(most_likely_size(square, var, tolerance)[0])
+    assert np.mean(found) == pytest.approx(0.1, rel=4 * 0.025 / np.sqrt(40) + 0.01)
+    assert np.std(found) == pytest.approx(0.0025, rel=0.5)
+
+
+def test_an_antiresonance_counts_as_its_octave_and_the_loop_as_its_square():
+    G = np.abs(S**2 + 0.1 * S + (2 * np.pi * 30) ** 2) / np.abs(S) ** 2
+    m = loop_tolerance(2 * np.pi * F, G, np.nan)
+    k = int(np.argmin(G))
+    assert m[k] > 20 * G[k]
+    both = loop_tolerance(2 * np.pi * F, G, CROSSOVER)
+    np.testing.assert_allclose(both * target_loop(2 * np.pi * F, CROSSOVER) ** 2, m)
+    mixed = np.random.default_rng(0).permutation(F.size)  # lines of several records stand one after the other
+    np.testing.assert_allclose(loop_tolerance(2 * np.pi * F[mixed], G[mixed], CROSSOVER), both[mixed])
+
+
+@given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 10**6))
+def test_rows_and_columns_do_not_depend_on_units(n, m, seed):
+    rng = np.random.default_rng(seed)
+    size, left, right = rng.uniform(0.1, 1.0, (n, m)), 10 ** rng.uniform(-4, 4, n), 10 ** rng.uniform(-4, 4, m)
+    rows, columns = balance(size)
+    np.testing.assert_allclose(np.mean((size / rows[:, None] / columns) ** 2, axis=0), 1.0, rtol=1e-3)
+    scaled = np.multiply.outer(*balance(size * left[:, None] * right))
+    np.testing.assert_allclose(scaled, np.multiply.outer(rows, columns) * left[:, None] * right, rtol=1e-2)
+
+
+def matrix(G, std, seed=0):
+    rng = np.random.default_rng(seed)
+    e = (rng.standard_normal(G.shape) + 1j * rng.standard_normal(G.shape)) / np.sqrt(2) * std
+    return nlfrf.bla_from_frf(F, G + e, std=std, inputs=("u1", "u2"), outputs=("y1", "y2"))
+
+
+def test_several_channels_in_any_units_serve_the_loop_too():
+    """Two axes that share modes, one in units a thousand times smaller; eight poles are missing."""
+    shapes = np.random.default_rng(1).normal(size=(len(MODES), 2, 2))
+    rigid = np.array([[1.0, 0.2], [0.1, 0.8]])[:, :, None] / (S * (S + 5))
+    G = rigid + sum(
+        np.outer(c, b)[:, :, None] * a / (S**2 + 4 * z * np.pi * f * S + (2 * np.pi * f) ** 2)
+        for (c, b), (a, f, z) in zip(shapes, MODES, strict=True)
+    )
+    std = np.linalg.norm(G, axis=(0, 1)) * np.interp(F, [1, 150], [5e-3, 1e-4]) * np.ones((2, 2, 1))
+    units = np.array([[1.0], [1e3]])[:, :, None]
+    low, fits = F < 12, []
+    for scale in (1.0, units):
+        fits.append(robust.fit_nominal(matrix(scale * G, scale * std), n_poles=6, rank=2, omega_c=CROSSOVER).response)
+        error = np.linalg.norm((fits[-1] / scale - G)[..., low], axis=(0, 1)) / np.linalg.norm(G[..., low], axis=(0, 1))
+        assert error.max() < 0.1
+    for one in fits[1] / units - fits[0]:  # the searches end near one another, not at one point
+        assert np.abs(one[..., low]).max() < 0.02 * np.abs(fits[0]).max()
+
+
+def test_of_several_levels_the_nominal_stands_in_the_middle():
+    """Two levels, a gain of 0.8 and one of 1.25, the second measured ten times better."""
+    G = 3e3 / (S**2 + 40 * S + (2 * np.pi * 20) ** 2)
+    blas = [measured(0.8 * G, 1e-2 * np.abs(G), 1), measured(1.25 * G, 1e-3 * np.abs(G), 2)]
+    fit = robust.fit_nominal(blas, n_poles=2, n_zeros=0, omega_c=CROSSOVER)
+    assert np.abs(fit.response[:10] / G[:10]).mean() == pytest.approx(1.025, abs=0.03)  # 1.245 by the scatter
+
+
+def test_the_smallest_order_that_lets_the_loop_be_is_taken_and_no_higher_one_tried():
+    bla = measured(stage(), PRECISIONS["falling"])
+    scan = scan_orders(bla, omega_c=CROSSOVER)
+    assert scan.best == scan.n_poles.max() <= 4
+    assert scan.loop_radius[scan.chosen] < 0.5 < scan.loop_radius[0]
+    assert str(scan).count("(taken)") == 1
+    assert "radius" in str(scan).splitlines()[0]
+    assert scan.fit.warnings  # what the chosen fit misses is warned of, not only tabled
+    named = robust.uncertainty(bla, scan.fit)
+    assert named.origin.omega_c == CROSSOVER
+    assert set(scan.fit.warnings) <= set(named.warnings)
+
+
+def test_without_a_crossover_an_order_is_chosen_by_the_crossover_it_allows():
+    bla = measured(stage(), PRECISIONS["falling"])
+    scan = scan_orders(bla, n_poles=(2, 4, 6), delay=0.0)
+    assert np.isnan(scan.omega_c)
+    assert scan.reach[scan.chosen] > 0.9 * scan.reach.max()
+    assert scan.reach.max() > CROSSOVER / 2
+
+
+def test_a_radius_above_one_below_the_crossover_is_never_without_a_word():
+    bla = measured(stage(), PRECISIONS["falling"])
+    fit = robust.fit_nominal(bla, n_poles=1, omega_c=2 * np.pi * 40)
+    with pytest.warns(robust.DesignWarning, match=r"reaches .* of \|G\| below the crossover of 40 Hz.*misfit"):
+        robust.uncertainty(bla, fit)
+
+
+@pytest.mark.parametrize(
+    ("omega_c", "dt", "text"),
+    [
+        (2 * np.pi * 200, 0, r"omega_c must lie in the measured band, 1 Hz to 150 Hz, got 200 Hz"),
+        (2 * np.pi * 0.2, 0, "omega_c must lie in the measured band"),
+        (2 * np.pi * 600, 1e-3, r"omega_c must lie below the Nyquist frequency 500 Hz, got 600 Hz"),
+        (-1.0, 0, "omega_c must be"),
+    ],
+)
+def test_a_crossover_that_no_model_serves_is_refused(omega_c, dt, text):
+    for bla in (
+        measured(stage(), PRECISIONS["level"]),
+        matrix(np.ones((2, 2, 1)) * stage(), 1e-3 * np.ones((2, 2, 1))),
+    ):
+        with pytest.raises(ValueError, match=text):
+            robust.fit_nominal(bla, n_poles=2, omega_c=omega_c, dt=dt)
+
+
+def test_a_crossover_where_the_gain_is_not_measured_is_refused():
+    bla = measured(stage(), np.full(F.size, np.abs(stage()[20])))
+    with pytest.raises(ValueError, match=r"omega_c must lie where \|G\| is above its bound, got 100 Hz"):
+        robust.fit_nominal(bla, n_poles=2, omega_c=2 * np.pi * 100)
+
+
+def test_a_bare_frf_is_weighted_for_the_loop():
+    frf = control.FrequencyResponseData(stage(), 2 * np.pi * F)
+    fit = robust.fit_nominal(frf, n_poles=4, omega_c=CROSSOVER)
+    assert np.abs(fit.response[F < 12] / stage()[F < 12] - 1).max() < 0.06
