@@ -24,6 +24,7 @@ COMMANDS = (
     "bench_servo",
     "bench_experiment",
     "bench_robust",
+    "nominal",
     "bench_design",
     "bench_synthesis",
     "bench_gamma",

@@ -28,8 +28,8 @@ both = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 first, second = (nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : m + 1])) for m in (0, 1))
 
 # %%
-# How many poles? The cost says what is left, the criterion whether another pole is worth it.
-scan = robust.models.scan_orders(first, n_poles=range(1, 6), relative_degree=1)
+# How many poles? As few as let a loop cross over at 20 Hz: |T_c| times the radius of the set has to stay below one half.
+scan = robust.models.scan_orders(first, n_poles=range(1, 6), omega_c=2 * np.pi * 20)
 print(scan)
 nominal = scan.fit
 print(nominal)
