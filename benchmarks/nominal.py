@@ -3,7 +3,7 @@
     python -m benchmarks.nominal [--machines 60] [--first 0]
 
 Free and sprung machines with two to eight modes and a delay, measured with scatter that is smallest at low or at high
-frequencies, or the same in y. The crossover asked for is a sixth of the lowest mode, a third or two thirds. The chain is
+frequencies, or the same in y. The crossover asked for is a sixth, a third or two thirds of the lowest mode. The chain:
 `scan_orders`, `uncertainty`, `ncfsyn`, `check`. Counted are robust loops, those that the true machine diverges in
 (goal 0), the order and the seconds; and the same chain with the scatter alone, by the criterion without a crossover.
 """
