@@ -15,7 +15,7 @@ from itertools import count, pairwise
 from typing import TypeAlias
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
+from flint import arb, ctx, fmpq, fmpq_mat, fmpq_poly
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
@@ -23,6 +23,7 @@ from robust.proofs.exact.interval_kyp import ExactMatrix
 from robust.proofs.exact.matrices import identity, stack
 from robust.proofs.exact.polynomials import (
     Decision,
+    complex_roots,
     moebius_transform,
     proved,
     refuted,
@@ -46,15 +47,17 @@ Inequality: TypeAlias = Callable[[Sequence[Pair]], ExactMatrix]
 class TransferMatrix:
     """A system as polynomials in s over the rationals: numerators over one denominator of `order` roots.
 
-    Each polynomial p is kept by its even and odd part: p(s) = even(s^2) + s odd(s^2).
+    Each polynomial p is kept by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles` says whether its
+    poles count beside those of the other parts of an inequality, or are the ones of another part.
     """
 
     num: tuple[tuple[tuple[fmpq_poly, fmpq_poly], ...], ...]
     den: tuple[fmpq_poly, fmpq_poly]
     order: int
+    own_poles: bool = True
 
     @classmethod
-    def of(cls, system: Matrices) -> TransferMatrix:
+    def of(cls, system: Matrices, *, own_poles: bool = True) -> TransferMatrix:
         """Return the transfer matrix of a system, hidden modes included; of a discrete one its bilinear image.
 
         >>> import numpy as np
@@ -78,7 +81,7 @@ class TransferMatrix:
 
         rows, columns = system.D.shape
         num = tuple(tuple(parts(numerator(i, j)) for j in range(columns)) for i in range(rows))
-        return cls(num=num, den=parts(den), order=n)
+        return cls(num=num, den=parts(den), order=n, own_poles=own_poles)
 
     def denominator(self, s: fmpq) -> fmpq:
         """Return d(s) d(-s)."""
@@ -187,22 +190,65 @@ def gain_below(level: float) -> Inequality:
     return inequality
 
 
+def multiply(left: Pair, right: Pair) -> Pair:
+    """Return the product of two systems at a point, and its adjoint."""
+    return left[0] * right[0], right[1] * left[1]
+
+
+def subtract(left: Pair, right: Pair) -> Pair:
+    """Return the difference of two systems at a point, and its adjoint."""
+    return left[0] - right[0], left[1] - right[1]
+
+
+@value(copy=False)
+class Terms:
+    """What E = X Delta Y is asked of: X, E and Y, and what rounding may add to X and to Y (None: nothing)."""
+
+    X: Pair
+    E: Pair
+    Y: Pair
+    more_X: Pair | None = None
+    more_Y: Pair | None = None
+
+    @property
+    def sizes(self) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix | None]:
+        """Return X X~, Y~ Y with what rounding adds, and what it adds to the first."""
+        right = self.Y[1] * self.Y[0]
+        right = right if self.more_Y is None else right + self.more_Y[1] * self.more_Y[0]
+        return self.X[0] * self.X[1], right, None if self.more_X is None else self.more_X[0] * self.more_X[1]
+
+    def below(self, level: float) -> ExactMatrix:
+        """Return the matrix that is positive where a Delta of gain below the level does."""
+        left, right, more = self.sizes
+        left = left.times(to_rational(level) ** 2)
+        return join_blocks([[left if more is None else left + more, self.E[0]], [self.E[1], right]])
+
+    def least_level(self) -> float:
+        """Return the gain of the smallest Delta."""
+        left, right, more = self.sizes
+        needed = self.E[0] * right.inverse * self.E[1]
+        found = left.inverse * (needed if more is None else needed - more)
+        return float(np.sqrt(max(0.0, np.linalg.eigvals(to_numbers(found)).real.max())))
+
+
 def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
     """Return one matrix of rows of matrices."""
     return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))
 
 
 def determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
-    """Return d d~ det M as a polynomial in s^2, through as many points as it has coefficients; None for want of time."""
-    order = sum(part.order for part in parts)
-    y, c = [], []
+    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None for want of time."""
+    counted = [part for part in parts if part.own_poles]
+    order = sum(part.order for part in counted)
+    y: list[fmpq] = []
+    c: list[fmpq] = []
     for s in map(fmpq, count(1)):
         if len(y) > order:
             break
         if time.thread_time() > deadline:
             return None
         size = fmpq(1)
-        for part in parts:
+        for part in counted:
             size *= part.denominator(s)
         if size:
             y.append(s * s)
@@ -221,7 +267,7 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
 
     high : None for infinity, in place of which a number beyond the last root stands.
     """
-    q = p(fmpq_poly([0, -1])).numer()
+    q = p(fmpq_poly([0, -1]))
     for bits in ROOT_BITS:
         with ctx.workprec(bits):
             inside = roots_inside(q, low * low, None if high is None else high * high)
@@ -234,10 +280,10 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
     raise ArithmeticError("roots of a determinant of doubles lie too near to each other")
 
 
-def roots_inside(q: fmpz_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]] | None:
+def roots_inside(q: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]] | None:
     """Return the ends of the balls of all real roots between low and high; None for want of digits."""
     found = []
-    for root, _ in q.complex_roots() if q.degree() > 0 else []:
+    for root, _ in complex_roots(q) if q.degree() > 0 else []:
         if root.imag != 0:
             continue
         y = root.real

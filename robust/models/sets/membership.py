@@ -1,0 +1,141 @@
+"""Whether a plant lies in a set at every frequency: its smallest Delta, without the inverse of a plant.
+
+In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R are one, the nominal
+or the plant. So there is a Delta of gain gamma where
+
+    [gamma^2 X X*  E; E*  Y* Y] >= 0,
+
+which is asked of exact polynomials (`robust.proofs.exact.bands`): at zeros and poles on the axis, at zero and at
+infinity it says what it says elsewhere. Of coprime factors X = w [1 G] and Y = [1; G_p].
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.connections import in_series
+from robust.lti.lti import response_by_channel, timebase, zeros
+from robust.lti.stability import unstable_poles
+from robust.models.sets.forms import MatrixForm
+from robust.proofs.exact.bands import (
+    Pair,
+    Terms,
+    TransferMatrix,
+    decide_on_axis,
+    join_blocks,
+    multiply,
+    points_of_band,
+    subtract,
+)
+from robust.proofs.exact.claim import Matrices, to_matrices
+from robust.proofs.exact.interval_kyp import ExactMatrix
+from robust.proofs.exact.matrices import identity
+from robust.proofs.exact.polynomials import Decision
+from robust.proofs.search.bands import TIME_CAP, GainBound, climb
+
+#: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
+#: good as vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random
+#: coordinates leave up to some 1e-14.
+ROUNDING = 1e-12
+
+
+@value(copy=False)
+class Deviation:
+    """What turns a nominal into a plant, as exact systems, and X, E and Y from their values."""
+
+    parts: tuple[TransferMatrix, ...]
+    terms: Callable[[Sequence[Pair]], Terms]
+    dt: float
+
+    def is_within(self, level: float, time_cap: float = TIME_CAP) -> Decision:
+        """Decide whether the smallest Delta has at most this gain at every frequency."""
+        deadline = time.thread_time() + time_cap
+        return decide_on_axis(self.parts, lambda pairs: self.terms(pairs).below(level), deadline=deadline)
+
+    def bound(self, omega: float, tolerance: float, time_cap: float = TIME_CAP) -> GainBound:
+        """Bound the gain of the smallest Delta over all frequencies, beginning at omega [rad/s]."""
+        return climb(
+            self.parts,
+            lambda level: lambda pairs: self.terms(pairs).below(level),
+            lambda pairs: self.terms(pairs).least_level(),
+            start=points_of_band((omega, omega), self.dt)[0],
+            dt=self.dt,
+            tolerance=tolerance,
+            deadline=time.thread_time() + time_cap,
+        )
+
+
+def block_deviation(
+    row: MatrixForm,
+    G: control.StateSpace,
+    G_p: control.StateSpace,
+    *,
+    W_l: control.StateSpace,
+    W_r: control.StateSpace,
+    omega: np.ndarray,
+) -> Deviation:
+    """Return the deviation of a plant from a nominal in a form; omega : frequencies [rad/s] of its weights."""
+    left, right = row.factors
+    known = {"G": G, "G_p": G_p}
+    more_left = [] if not left or right else [with_rounded_inputs(known[left], W_r, omega)]
+    more_right = [] if left or not right else [with_rounded_outputs(known[right], W_l, omega)]
+
+    def terms(pairs: Sequence[Pair]) -> Terms:
+        at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
+        rest = pairs[4:]
+        return Terms(
+            X=multiply(at[left], at["W_l"]) if left else at["W_l"],
+            E=subtract(at["G_p"], at["G"]),
+            Y=multiply(at["W_r"], at[right]) if right else at["W_r"],
+            more_X=rest[0] if more_left else None,
+            more_Y=rest[0] if more_right else None,
+        )
+
+    systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
+    rounded = [TransferMatrix.of(each, own_poles=False) for each in more_left + more_right]
+    return Deviation(parts=(*systems, *rounded), terms=terms, dt=max(timebase(G), timebase(G_p)))
+
+
+def with_rounded_inputs(G: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> Matrices:
+    """Return what a relative change of `ROUNDING` in B makes of a plant, its inputs in units of W_r."""
+    units = np.linalg.norm(response_by_channel(W_r, omega), axis=0).min(axis=1)
+    sizes = ROUNDING * np.linalg.norm(G.B / units, axis=1)
+    return to_matrices(control.StateSpace(G.A, np.diag(sizes), G.C, np.zeros(G.C.shape), G.dt))
+
+
+def with_rounded_outputs(G: control.StateSpace, W_l: control.StateSpace, omega: np.ndarray) -> Matrices:
+    """Return what a relative change of `ROUNDING` in C makes of a plant, its outputs in units of W_l."""
+    units = np.linalg.norm(response_by_channel(W_l, omega), axis=1).min(axis=1)
+    sizes = ROUNDING * np.linalg.norm(G.C / units[:, None], axis=0)
+    return to_matrices(control.StateSpace(G.A, G.B, np.diag(sizes), np.zeros(G.B.shape), G.dt))
+
+
+def coprime_deviation(
+    G: control.StateSpace, G_p: control.StateSpace, *, weight: control.StateSpace, shaping: control.StateSpace
+) -> Deviation:
+    """Return the deviation of the coprime factors of a shaped plant from those of the nominal."""
+    shaped = [in_series(each, shaping) for each in (G, G_p)]
+    one = ExactMatrix.real(identity(1))
+
+    def terms(pairs: Sequence[Pair]) -> Terms:
+        P, P_p, w = pairs
+        row = join_blocks([[one, P[0]]]), join_blocks([[one], [P[1]]])
+        column = join_blocks([[one], [P_p[0]]]), join_blocks([[one, P_p[1]]])
+        return Terms(X=multiply(w, row), E=subtract(P_p, P), Y=column)
+
+    parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
+    return Deviation(parts=parts, terms=terms, dt=max(timebase(G), timebase(G_p)))
+
+
+def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
+    """Return how many poles, in an inverse form zeros, lie strictly outside the stability region."""
+    dt = timebase(system)
+    if not inverse:
+        return unstable_poles(system, dt)
+    found = zeros(system)
+    return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
