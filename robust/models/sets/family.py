@@ -30,7 +30,7 @@ from robust.models.fit.nominal import NominalFit, fit_nominal
 from robust.models.fit.spectral import fit_matrix_weights
 from robust.models.sets.block_weights import smallest_block_weights
 from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, MATRIX_FORMS
-from robust.models.sets.membership import right_roots
+from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
 
@@ -85,14 +85,7 @@ class Family:
         row, (n_y, n_u) = BLOCK_FORMS[form], self.G.shape[1:]
         if row.needs_square_plant and n_y != n_u:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
-        kind = "zeros" if row.inverse else "poles"
-        counts = [right_roots(system, inverse=row.inverse) for system in (self.nominal, *self.systems)]
-        if len(set(counts)) > 1:
-            raise ValueError(
-                f"form must be {'one that is not' if row.inverse else 'an'} inverse where the number of {kind} in the "
-                f"right half plane differs, got {form} with {counts[0]} of the nominal and {min(counts[1:])} to "
-                f"{max(counts[1:])} of the plants"
-            )
+        require_equal_roots(form, (self.nominal, *self.systems), inverse=row.inverse)
         if row.needs_square_plant:
             condition = np.linalg.cond(np.concatenate([self.G[None], self.G_p]))
             singular = np.any(condition >= MAX_CONDITION, axis=0)  # of nan nothing is known

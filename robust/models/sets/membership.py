@@ -139,3 +139,14 @@ def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
         return unstable_poles(system, dt)
     found = zeros(system)
     return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
+
+
+def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inverse: bool) -> None:
+    """Refuse a nominal and plants that differ in how many poles, or zeros, lie in the right half plane."""
+    own, *counts = (right_roots(system, inverse=inverse) for system in systems)
+    if set(counts) - {own}:
+        raise ValueError(
+            f"form must be {'one that is not' if inverse else 'an'} inverse where the number of "
+            f"{'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with {own} of the nominal "
+            f"and {min(counts)} to {max(counts)} of the plants"
+        )
