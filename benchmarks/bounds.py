@@ -87,7 +87,7 @@ def draw_set(rng: np.random.Generator) -> tuple[robust.UncertaintyModel, control
 
 
 def try_set(rng: np.random.Generator) -> tuple[float, float] | None:
-    """Return the largest |S| that plants of the set reach and the bound of `check`; None where the set is not stable."""
+    """Return the largest |S| that plants of a set reach and the bound of `check`; None where one is unstable."""
     model, K = draw_set(rng)
     report = robust.check(model, K)
     if not np.isfinite(report.margins.S_worst) or report.margins.rs < 1:
@@ -120,8 +120,8 @@ def main() -> None:
         known = np.array([row for row in rows if row is not None]).reshape(-1, 2)
         ratio = known[:, 1] / known[:, 0]
         print(
-            f"{kind}: {len(known)} of {given.n} with a bound, {int(np.sum(ratio < 1 - 1e-6))} exceeded; bound over what "
-            f"was found: median {np.median(ratio):.4g}, worst {ratio.max():.4g}; "
+            f"{kind}: {len(known)} of {given.n} with a bound, {int(np.sum(ratio < 1 - 1e-6))} exceeded; "
+            f"bound over what was found: median {np.median(ratio):.4g}, worst {ratio.max():.4g}; "
             f"{(time.process_time() - start) / given.n:.2g} s each"
         )
 

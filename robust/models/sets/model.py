@@ -773,6 +773,4 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
     omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(
-        np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + SET_TOLERANCE)
-    )
+    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + SET_TOLERANCE))

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from itertools import count, pairwise
 from typing import TypeAlias
 
@@ -33,7 +35,7 @@ from robust.proofs.exact.polynomials import (
 )
 
 ROOT_BITS = (64, 256, 1024, 4096)
-TAN_ROUNDING = 1e-14  # relative, of an end of a band under a clock
+END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
 SINGULAR = "the inequality is an equality at every frequency"
 TIME_UP = "undecided, as time was up"
 
@@ -88,8 +90,19 @@ class TransferMatrix:
         even, odd = (p(s * s) for p in self.den)
         return even * even - s * s * odd * odd
 
+    @cached_property
+    def known(self) -> dict[fmpq, Pair]:
+        """Hold what `at` has returned: every inequality of a system is asked at the same points."""
+        return {}
+
     def at(self, s: fmpq) -> Pair:
         """Return X(s) and X(-s)' at a real point that is no pole."""
+        if s not in self.known:
+            self.known[s] = self.evaluate(s)
+        return self.known[s]
+
+    def evaluate(self, s: fmpq) -> Pair:
+        """Return `at`."""
         even, odd = (p(s * s) for p in self.den)
         values = [[(e(s * s), s * o(s * s)) for e, o in row] for row in self.num]
         plus = fmpq_mat([[(e + o) / (even + s * odd) for e, o in row] for row in values])
@@ -114,7 +127,7 @@ def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
     if not dt:
         return band
     low, high = (float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf for omega in band)
-    return low * (1 - TAN_ROUNDING), high * (1 + TAN_ROUNDING)
+    return low * (1 - END_ROUNDING), high * (1 + END_ROUNDING)
 
 
 def frequency_of_point(x: float, dt: float) -> float:
@@ -124,10 +137,10 @@ def frequency_of_point(x: float, dt: float) -> float:
 
 @value(copy=False)
 class Piece:
-    """A stretch of the axis in whose inside det M has no root: the squares of its ends, and M at a point of it."""
+    """A stretch of the axis in whose inside det M has no root: its ends, made wider, and M at a point of it."""
 
-    low: fmpq
-    high: fmpq
+    low: float
+    high: float
     x: fmpq
     M: ExactMatrix
 
@@ -150,7 +163,8 @@ def cut_at_crossings(
     if not p:
         return SINGULAR
     ends = pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
-    return [look_inside(*each, parts, inequality) for each in ends]
+    pieces = [look_inside(*each, parts, inequality) for each in ends]
+    return [*pieces[:-1], replace(pieces[-1], high=high)]
 
 
 def decide_on_axis(
@@ -312,9 +326,12 @@ def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequali
         if not low < x * x < top:
             continue
         try:
-            return Piece(low=low, high=high, x=x, M=inequality([part.on_axis(x) for part in parts]))
+            M = inequality([part.on_axis(x) for part in parts])
         except ZeroDivisionError:  # a pole, of which there are as many as states
             top = x * x
+            continue
+        ends = [float(np.sqrt(to_float(y))) for y in (low, high)]
+        return Piece(low=ends[0] * (1 - END_ROUNDING), high=ends[1] * (1 + END_ROUNDING), x=x, M=M)
     raise AssertionError
 
 
