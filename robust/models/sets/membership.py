@@ -82,36 +82,42 @@ def block_deviation(
     """Return the deviation of a plant from a nominal in a form; omega : frequencies [rad/s] of its weights."""
     left, right = row.factors
     known = {"G": G, "G_p": G_p}
-    more_left = [] if not left or right else [with_rounded_inputs(known[left], W_r, omega)]
-    more_right = [] if left or not right else [with_rounded_outputs(known[right], W_l, omega)]
+    gains = [np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))]
+    if left and right:  # both vanish with the plant, and only the product of what is added counts there
+        units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(ROUNDING)
+    else:  # the other one is a weight, in whose units E is
+        units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), ROUNDING
+    more = {}
+    if left:
+        more["X"] = with_rounded_inputs(known[left], units[0] / share)
+    if right:
+        more["Y"] = with_rounded_outputs(known[right], units[1] / share)
 
     def terms(pairs: Sequence[Pair]) -> Terms:
         at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
-        rest = pairs[4:]
+        rest = dict(zip(more, pairs[4:], strict=True))
         return Terms(
             X=multiply(at[left], at["W_l"]) if left else at["W_l"],
             E=subtract(at["G_p"], at["G"]),
             Y=multiply(at["W_r"], at[right]) if right else at["W_r"],
-            more_X=rest[0] if more_left else None,
-            more_Y=rest[0] if more_right else None,
+            more_X=rest.get("X"),
+            more_Y=rest.get("Y"),
         )
 
     systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
-    rounded = [TransferMatrix.of(each, own_poles=False) for each in more_left + more_right]
+    rounded = [TransferMatrix.of(each, own_poles=False) for each in more.values()]
     return Deviation(parts=(*systems, *rounded), terms=terms, dt=max(timebase(G), timebase(G_p)))
 
 
-def with_rounded_inputs(G: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> Matrices:
-    """Return what a relative change of `ROUNDING` in B makes of a plant, its inputs in units of W_r."""
-    units = np.linalg.norm(response_by_channel(W_r, omega), axis=0).min(axis=1)
-    sizes = ROUNDING * np.linalg.norm(G.B / units, axis=1)
+def with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+    """Return what a change of B by one part makes of a plant, each input over its unit."""
+    sizes = np.linalg.norm(G.B / units, axis=1)
     return to_matrices(control.StateSpace(G.A, np.diag(sizes), G.C, np.zeros(G.C.shape), G.dt))
 
 
-def with_rounded_outputs(G: control.StateSpace, W_l: control.StateSpace, omega: np.ndarray) -> Matrices:
-    """Return what a relative change of `ROUNDING` in C makes of a plant, its outputs in units of W_l."""
-    units = np.linalg.norm(response_by_channel(W_l, omega), axis=1).min(axis=1)
-    sizes = ROUNDING * np.linalg.norm(G.C / units[:, None], axis=0)
+def with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+    """Return what a change of C by one part makes of a plant, each output over its unit."""
+    sizes = np.linalg.norm(G.C / units[:, None], axis=0)
     return to_matrices(control.StateSpace(G.A, G.B, np.diag(sizes), np.zeros(G.B.shape), G.dt))
 
 
