@@ -87,8 +87,8 @@ class Family:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
         require_equal_roots(form, (self.nominal, *self.systems), inverse=row.inverse)
         if row.needs_square_plant:
-            condition = np.linalg.cond(np.concatenate([self.G[None], self.G_p]))
-            singular = np.any(condition >= MAX_CONDITION, axis=0)  # of nan nothing is known
+            known = np.where(np.isnan(self.G_p), self.G, self.G_p)
+            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < MAX_CONDITION, axis=0)
             if singular.any():
                 raise ValueError(
                     f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "

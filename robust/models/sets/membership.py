@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 
 import control
 import numpy as np
+from scipy.linalg import eig
 
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
@@ -35,27 +36,35 @@ from robust.proofs.exact.bands import (
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.interval_kyp import ExactMatrix
 from robust.proofs.exact.matrices import identity
-from robust.proofs.exact.polynomials import Decision
+from robust.proofs.exact.polynomials import Decision, proved
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
 #: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
 #: good as vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random
 #: coordinates leave up to some 1e-14.
 ROUNDING = 1e-12
+POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
 
 
 @value(copy=False)
 class Deviation:
-    """What turns a nominal into a plant, as exact systems, and X, E and Y from their values."""
+    """What turns a nominal into a plant, as exact systems, and X, E and Y from their values; where it is looked at."""
 
     parts: tuple[TransferMatrix, ...]
     terms: Callable[[Sequence[Pair]], Terms]
     dt: float
+    bands: tuple[tuple[float, float], ...]
 
     def is_within(self, level: float, time_cap: float = TIME_CAP) -> Decision:
         """Decide whether the smallest Delta has at most this gain at every frequency."""
         deadline = time.thread_time() + time_cap
-        return decide_on_axis(self.parts, lambda pairs: self.terms(pairs).below(level), deadline=deadline)
+        for low, high in self.bands:
+            found = decide_on_axis(
+                self.parts, lambda pairs: self.terms(pairs).below(level), low=low, high=high, deadline=deadline
+            )
+            if not found.holds:
+                return found
+        return proved()
 
     def bound(self, omega: float, tolerance: float, time_cap: float = TIME_CAP) -> GainBound:
         """Bound the gain of the smallest Delta over all frequencies, beginning at omega [rad/s]."""
@@ -64,6 +73,7 @@ class Deviation:
             lambda level: lambda pairs: self.terms(pairs).below(level),
             lambda pairs: self.terms(pairs).least_level(),
             start=points_of_band((omega, omega), self.dt)[0],
+            bands=self.bands,
             dt=self.dt,
             tolerance=tolerance,
             deadline=time.thread_time() + time_cap,
@@ -106,7 +116,30 @@ def block_deviation(
 
     systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
     rounded = [TransferMatrix.of(each, own_poles=False) for each in more.values()]
-    return Deviation(parts=(*systems, *rounded), terms=terms, dt=max(timebase(G), timebase(G_p)))
+    return Deviation(parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=known_bands((G, G_p)))
+
+
+def known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
+    """Return the stretches of the axis that are left when poles are cut out which rounding cannot tell from it.
+
+    Within `POLE_ROUNDING` of what relative errors of the entries of A make of such a pole, a response is rounding.
+    """
+    cuts = []
+    for G in systems:
+        dt = timebase(G)
+        found, left, right = eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
+        along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a double integrator nothing is rounded: 0/0
+            moved = POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
+        moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(POLE_ROUNDING) * np.linalg.norm(G.A))
+        for p, reach in zip(found, moved, strict=True):
+            if abs(abs(p) - 1 if dt else p.real) <= reach and p.imag >= 0:
+                at, reach = (float(np.angle(p)) / dt, reach / dt) if dt else (p.imag, reach)
+                cuts.append(points_of_band((max(at - reach, 0.0), at + reach), dt))
+    cuts.sort()
+    starts = [0.0, *np.maximum.accumulate([high for _, high in cuts]).tolist()]
+    stops = [*(low for low, _ in cuts), np.inf]
+    return tuple(band for band in zip(starts, stops, strict=True) if band[0] < band[1])
 
 
 def with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
@@ -135,7 +168,7 @@ def coprime_deviation(
         return Terms(X=multiply(w, row), E=subtract(P_p, P), Y=column)
 
     parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
-    return Deviation(parts=parts, terms=terms, dt=max(timebase(G), timebase(G_p)))
+    return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=known_bands(shaped))
 
 
 def right_roots(system: control.StateSpace, *, inverse: bool) -> int:

@@ -83,7 +83,7 @@ def bound_gain(
         gain_below,
         lambda pairs: float(np.linalg.norm(to_numbers(pairs[0][0]), 2)),
         start=start,
-        ends=(low, high),
+        bands=[(low, high)],
         dt=dt,
         tolerance=tolerance,
         deadline=deadline,
@@ -96,12 +96,12 @@ def climb(
     size: Callable[[Sequence[Pair]], float],
     *,
     start: float,
-    ends: tuple[float, float] = (0.0, np.inf),
+    bands: Sequence[tuple[float, float]] = ((0.0, np.inf),),
     dt: float = 0.0,
     tolerance: float = TOLERANCE,
     deadline: float = np.inf,
 ) -> GainBound:
-    """Bound the least level whose inequality holds from one end of the axis to the other.
+    """Bound the least level whose inequality holds on bands of the axis.
 
     size : the least level at one point, from what the parts are there; start : the point x to begin with.
     """
@@ -109,10 +109,12 @@ def climb(
     lower = size_at(parts, size, x)
     for _ in range(MAX_LEVELS):
         omega, level = frequency_of_point(to_float(x), dt), max(lower * (1 + tolerance), SMALLEST)
-        pieces = cut_at_crossings(parts, inequality(level), low=ends[0], high=ends[1], deadline=deadline)
-        if isinstance(pieces, str):
-            return GainBound(upper=np.inf, lower=lower, omega=omega, reason=pieces)
-        above = [piece.x for piece in pieces if not piece.M.is_positive]
+        above = []
+        for low, high in bands:
+            pieces = cut_at_crossings(parts, inequality(level), low=low, high=high, deadline=deadline)
+            if isinstance(pieces, str):
+                return GainBound(upper=np.inf, lower=lower, omega=omega, reason=pieces)
+            above += [piece.x for piece in pieces if not piece.M.is_positive]
         if not above:
             return GainBound(upper=level, lower=lower, omega=omega)
         sizes = [size_at(parts, size, each) for each in above]
