@@ -163,8 +163,9 @@ def uncertainty(
     Notes
     -----
     A set of a list of plants of several channels has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the
-    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside, which is checked: systems at all their
-    poles, far outside the band and at the peaks between, FRFs on their lines.
+    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and
+    infinity included, which is proved by exact polynomials (`UncertaintyModel.contains`); FRFs on their lines. Where
+    full weights of the order do not hold them, the weights are diagonal, with a warning.
 
     References
     ----------

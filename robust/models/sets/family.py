@@ -14,6 +14,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import control
 import numpy as np
@@ -399,15 +400,15 @@ def make_family_set(
         raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
     if family.is_parametric:
         rules = Extrapolation()
-    options = {"order": order, "rules": rules, "perturbation": perturbation, "chosen": chosen}
-    if full:
-        try:
-            return hold_family(family, form, full=True, **options)
-        except ValueError as error:
-            model = hold_family(family, form, full=False, **options)
-            data_warning(f"weights must be diagonal for these plants, and are: with full ones, {error}", DesignWarning)
-            return model
-    return hold_family(family, form, full=False, **options)
+    hold = partial(hold_family, family, form, order=order, rules=rules, perturbation=perturbation, chosen=chosen)
+    if not full:
+        return hold(full=False)
+    try:
+        return hold(full=True)
+    except ValueError as error:
+        model = hold(full=False)
+        data_warning(f"weights must be diagonal for these plants, and are: with full ones, {error}", DesignWarning)
+        return model
 
 
 def hold_family(
