@@ -28,8 +28,7 @@ from nlfrf._base.arguments import (
 from robust._base.channels import is_single
 from robust._base.types import AnySystem, Weight
 from robust.lti.connections import block_diagonal, in_series
-from robust.lti.grids import cluster_at_modes
-from robust.lti.lti import poles, response, timebase, to_s_plane
+from robust.lti.lti import response, timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
 from robust.models.fit.nominal import (
@@ -77,7 +76,6 @@ from robust.models.sets.radius import (
 )
 from robust.models.sets.records import Origin
 
-N_AT_RESONANCE = 9  # frequencies over a resonance of a system, for the weight to cover
 PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
 
 
@@ -484,29 +482,27 @@ def set_of_user(
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
     covered = rules.extrapolate(omega, radius, dt)
-    systems = known_systems(given, nominal)
-    if systems:
+    kinds = (control.StateSpace, control.TransferFunction)
+    known = isinstance(given, list | tuple) and not isinstance(nominal, control.FrequencyResponseData)
+    systems = [state_space("bla", plant) for plant in given if isinstance(plant, kinds)] if known else []
+    if systems:  # what they do between the lines of the FRFs
         require_equal_roots(form.name, [nominal, *systems], inverse=form.inverse)
-    for plant in systems:  # what they do at their resonances no line of an FRF need show
-        covered = cover_plant(covered, plant, nominal, form, resonance_lines(plant))
+        source += ", systems inside at all frequencies, FRFs on their lines"
     for round_ in range(MAX_ROUNDS):
         weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt)
         model = UncertaintyModel(nominal=nominal, weight=weight, form=form.name, omega=omega, radius=radius)
         bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
-        outside = [(plant, one) for plant, one in zip(systems, bounds, strict=True) if one.upper > CLOSE_LIFT]
-        if not outside or round_ == MAX_ROUNDS - 1:
+        lift = max([1.0, *(one.upper * LIFT for one in bounds)])
+        if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
             break
-        for plant, one in outside:
-            covered = cover_plant(covered, plant, nominal, form, np.array([one.omega]))
-    lift = max([1.0, *(one.upper for one in bounds)])
+        for plant, one in zip(systems, bounds, strict=True):
+            covered = cover_plant(covered, plant, nominal, form, one.omega)
     if not lift < MAX_LIFT:
         raise ValueError(
             f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
             f"nominal as the weight reaches, {form.name} form: give it as an FRF, or another form or order"
         )
-    if systems:
-        weight = control.StateSpace(weight.A, weight.B, weight.C * lift * LIFT, weight.D * lift * LIFT, weight.dt)
-        source += ", systems inside at all frequencies, FRFs on their lines"
+    weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
     return {
         "omega": omega,
         "radius": radius,
@@ -515,31 +511,15 @@ def set_of_user(
     }
 
 
-def known_systems(given: object, nominal: object) -> list[control.StateSpace]:
-    """Return the plants that are known at every frequency, around a nominal that is; none where radii were given."""
-    if not isinstance(given, list | tuple) or isinstance(nominal, control.FrequencyResponseData):
-        return []
-    kinds = (control.StateSpace, control.TransferFunction)
-    return [state_space("bla", plant) for plant in given if isinstance(plant, kinds)]
-
-
-def resonance_lines(system: control.StateSpace) -> np.ndarray:
-    """Return frequencies [rad/s] over the resonances of a system, below the Nyquist frequency."""
-    dt = timebase(system)
-    s = to_s_plane(poles(system), dt)
-    lines = cluster_at_modes(s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)], N_AT_RESONANCE)
-    return lines[(lines > 0) & (lines * dt < np.pi)]
-
-
 def cover_plant(
     covered: tuple[np.ndarray, np.ndarray],
     plant: control.StateSpace,
     nominal: control.StateSpace,
     form: Form,
-    more: np.ndarray,
+    more: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and radii for a weight to cover, with more of them, where the deviation of a system counts."""
+    """Return frequencies and radii for a weight to cover, with one more, where the deviation of a system counts."""
     lines, radius = covered
-    omega = np.union1d(lines, more)
+    omega = np.union1d(lines, [more] * (more > 0))
     away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
     return omega, np.maximum(np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away))
