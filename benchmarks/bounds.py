@@ -1,6 +1,6 @@
 """Bounds that are printed, against a search by another method: how many it exceeds, and how far above it they lie.
 
-python -m benchmarks.bounds                # 500 families of plants, 500 sets of two channels
+python -m benchmarks.bounds                # 500 of each: families, FRFs beside systems, sets of two channels
 python -m benchmarks.bounds 40 --kind sets # some
 
 The search evaluates responses on grids that are dense around every pole and zero, and far beyond all of them.
@@ -71,6 +71,23 @@ def try_family(rng: np.random.Generator) -> tuple[float, float] | None:
     return found, 1.0 + 1e-6
 
 
+def try_mixed(rng: np.random.Generator) -> tuple[float, float] | None:
+    """Return the same of one channel, of an FRF and a system with a light mode or zero between its lines."""
+    lag, w = control.tf([1], [1, 1]), np.geomspace(0.1, 100, int(rng.integers(20, 60)))
+    at, zeta, size = 10 ** rng.uniform(-0.5, 1.5), 10 ** rng.uniform(-4, -0.5), 10 ** rng.uniform(-3, -1)
+    member = lag * (1 + control.tf([size * at, 0], [1, 2 * zeta * at, at**2]))
+    form = str(rng.choice(["multiplicative", "additive", "inverse-multiplicative"]))
+    frf = control.frd(rng.uniform(0.8, 1.2) * lag(1j * w), w)
+    try:
+        model = robust.uncertainty([frf, member], lag, form=form, perturbation="LTI")
+    except ValueError as error:
+        print(f"refused, {form}, damping {zeta:.2g}: {error}", flush=True)
+        return None
+    omega = dense([control.ss(member), *model.weights])
+    far = model.normalized_distance(omega, member(1j * omega), lag(1j * omega))
+    return max(far.max(), model.distance(frf).max()), 1.0 + 1e-6
+
+
 def draw_set(rng: np.random.Generator) -> tuple[robust.UncertaintyModel, control.StateSpace]:
     """Draw a set of two channels with a light mode, on 100 to 5000 lines, and a controller that leaves it light."""
     zeta, w, n = 10 ** rng.uniform(-4, -1), 10 ** rng.uniform(-1, 2), int(10 ** rng.uniform(2, 3.7))
@@ -100,7 +117,7 @@ def try_set(rng: np.random.Generator) -> tuple[float, float] | None:
     return found, report.margins.S_worst
 
 
-KINDS = {"families": try_family, "sets": try_set}
+KINDS = {"families": try_family, "mixed": try_mixed, "sets": try_set}
 
 
 def main() -> None:
