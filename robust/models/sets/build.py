@@ -483,8 +483,8 @@ def set_of_user(
     omega, radius, source = found
     covered = rules.extrapolate(omega, radius, dt)
     kinds = (control.StateSpace, control.TransferFunction)
-    known = isinstance(given, list | tuple) and not isinstance(nominal, control.FrequencyResponseData)
-    systems = [state_space("bla", plant) for plant in given if isinstance(plant, kinds)] if known else []
+    many = given if isinstance(given, list | tuple) and not isinstance(nominal, control.FrequencyResponseData) else ()
+    systems = [state_space("bla", plant) for plant in many if isinstance(plant, kinds)]
     if systems:  # what they do between the lines of the FRFs
         require_equal_roots(form.name, [nominal, *systems], inverse=form.inverse)
         source += ", systems inside at all frequencies, FRFs on their lines"
