@@ -42,6 +42,7 @@ COMMANDS = (
     "soundness 100",
     "near_limit 10",
     "soundness_matrix 100 300",
+    "bounds 20",
     "faults",
     "sound_records --records 15",
     "bench_screening --records 200",

@@ -187,6 +187,7 @@ def margins_on_lines(curves: Curves) -> Margins:
         omega_rs=float(omega[rs.argmax()]),
         S_worst=float(S_worst.max()),
         omega_S_worst=float(omega[S_worst.argmax()]),
+        S_worst_lines=omega.size,
     )
     if curves.w_P is None:
         return found

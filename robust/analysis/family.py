@@ -9,7 +9,7 @@ from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.analysis.loop import assemble_loop, is_stable_with, perturbed_sensitivity, plant_in_loop
-from robust.analysis.loop_of_channels import largest_gains, performance_loop
+from robust.analysis.loop_of_channels import performance_loop, set_gain
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response_by_channel
@@ -33,7 +33,8 @@ class LoopFamily:
     nominal : (W,) complex ndarray
         Sensitivity with the nominal plant; of several channels its largest singular value.
     worst : (W,) ndarray
-        Largest |S_p| over the whole set; of several channels an upper bound.
+        Largest |S_p| over the whole set; of several channels an upper bound, whose largest value is proved at all
+        frequencies.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s].
 
@@ -127,18 +128,19 @@ def sample_matrix_loops(
     """Close the loop around n random plants of several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]
     model, _ = set_on_controller_time_base(model, K, delay)
-    omega, worst = largest_gains(performance_loop(model, K, None), model.omega)
+    system = performance_loop(model, K, None)
+    found = set_gain(system.N, system.structure)
     loops = []
     for plant in (model.nominal, *model.sample(n, rng)):
         loops.append(control.StateSpace(*closed_loop(plant, K, ("e",), ("r",)), plant.dt))
     S = np.array(
-        [np.linalg.norm(np.moveaxis(response_by_channel(loop, omega), 2, 0), 2, axis=(1, 2)) for loop in loops]
+        [np.linalg.norm(np.moveaxis(response_by_channel(loop, found.omega), 2, 0), 2, axis=(1, 2)) for loop in loops]
     )
     return LoopFamily(
-        omega=omega,
+        omega=found.omega,
         S=S[1:],
         stable=np.array([decide_stability(loop).stable for loop in loops[1:]]),
         nominal=S[0],
-        worst=worst,
+        worst=found.gain,
         band=band,
     )

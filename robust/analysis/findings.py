@@ -112,6 +112,8 @@ class Margins:
     S_worst : float
         Largest |S| over the set; of several channels a bound of its largest singular value. inf where a plant of the
         set is unstable, nan where there is no set.
+    S_worst_lines : int
+        Of several channels 0 where that bound is proved at all frequencies, else on how many it was looked at.
     omega_rs, omega_rp, omega_disk, omega_S_worst : float
         Where they are limited [rad/s].
 
@@ -135,6 +137,7 @@ class Margins:
     disk: float = np.nan
     omega_disk: float = np.nan
     S_worst: float = np.nan
+    S_worst_lines: int = 0
     omega_S_worst: float = np.nan
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from robust._base.types import Blocks
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
-from robust.analysis.loop_of_channels import LoopOfChannels, largest_gains
+from robust.analysis.loop_of_channels import LoopOfChannels, set_gain
 from robust.analysis.sampled_set import SampledSet
 from robust.analysis.text import (
     ALIASES_NOT_PROVED,
@@ -48,9 +48,9 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     if len(found) > 1:
         taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
     if taken.nominally_stable:
-        omega, S_worst = largest_gains(loop.sensitivity(form), loop.lines(form))
-        at = int(S_worst.argmax())
-        margins = replace(taken.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
+        system = loop.sensitivity(form)
+        S = set_gain(system.N, system.structure, curve=False)
+        margins = replace(taken.margins, S_worst=S.upper, omega_S_worst=S.omega_upper, S_worst_lines=S.n_lines)
         taken = replace(taken, margins=margins)
     return add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
 

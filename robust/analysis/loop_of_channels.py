@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
-from robust._base.types import Controller, Weight
+from robust._base.types import Blocks, Controller, Weight
 from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.findings import Given
 from robust.analysis.sampled_set import SampledSet, set_on_controller_time_base
@@ -17,9 +17,8 @@ from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.mu.gain import gain_bound
+from robust.mu.set_gain import bound_set_gain
 from robust.proofs.search.stability import decide_stability
-
-MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
 
 
 @value
@@ -69,10 +68,6 @@ class LoopOfChannels:
         """Return the loop with S as its performance."""
         return performance_loop(self.forms[form][0], self.K, None)
 
-    def lines(self, form: str) -> np.ndarray:
-        """Return the frequencies (W,) [rad/s] of the set."""
-        return self.forms[form][0].omega
-
     def folded(self, form: str) -> SampledSet | None:
         """Return the sampled set that aliases are in; None where there are none."""
         return self.forms[form][1]
@@ -88,14 +83,36 @@ def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None)
     return system
 
 
-def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bound the largest gain from inputs to outputs over the set: frequencies [rad/s], and the bound."""
-    omega = gain_grid(system, lines)
-    return omega, gain_bound(response_by_channel(system.N, omega), system.structure)
+@value
+class SetGain:
+    """The largest gain from inputs to outputs over a set: a curve of upper bounds, and the largest of all.
+
+    Fields
+    ------
+    omega, gain : (W,) ndarray
+        Frequencies [rad/s] and the bound there.
+    upper, omega_upper : float
+        Bound at all frequencies, and where it is reached within 0.1 % [rad/s].
+    n_lines : int
+        0 where `upper` is proved at all frequencies, else the number of those that it was looked at on.
+    """
+
+    omega: np.ndarray
+    gain: np.ndarray
+    upper: float
+    omega_upper: float
+    n_lines: int = 0
 
 
-def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
-    """Return (W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
-    omega = np.union1d(structure_grid(system.N), lines)
-    omega = omega[omega > 0]
-    return np.union1d(omega[:: max(1, omega.size // MAX_GAIN_FREQUENCIES)], omega[[0, -1]])
+def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> SetGain:
+    """Bound the largest gain over a set at all frequencies; the curve is left out but at its largest value if asked."""
+    found = bound_set_gain(N, blocks)
+    omega = np.array([found.omega])
+    if curve or not found.is_proved:
+        omega = np.union1d(structure_grid(N)[1:], omega)
+    gain = gain_bound(response_by_channel(N, omega), blocks) if omega.size > 1 else np.array([found.upper])
+    if not found.is_proved:
+        at = int(gain.argmax())
+        return SetGain(omega=omega, gain=gain, upper=float(gain[at]), omega_upper=float(omega[at]), n_lines=omega.size)
+    gain = np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper))
+    return SetGain(omega=omega, gain=gain, upper=found.upper, omega_upper=found.omega)

@@ -53,6 +53,7 @@ def stability_claim(
     )
 
 
+TIME_CAP = 10.0  # seconds of the processor for a claim that is made by itself
 TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
 
 
@@ -89,6 +90,17 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
         robustly_stable=True,
         robust_performance=certificates[1].holds,
     )
+
+
+def has_worst_gain_below(loop: Loop, level: float) -> bool:
+    """Return whether |w_P S| (|S| without w_P) of every plant of the set is proved to stay below a level."""
+    demand = state_space("w_P", 1.0) if loop.w_P is None else loop.w_P
+    demand = type(demand)(demand.A, demand.B, demand.C / level, demand.D / level, demand.dt)
+    claim = stability_claim(loop.model, loop.controller, w_P=demand, delay=loop.delay)
+    if loop.aliases is not None and claim.perturbation == "operator":
+        return False
+    name = PERFORMANCE if loop.aliases is None else ALIASED[PERFORMANCE]
+    return name in verify_loop(replace(claim, claims=(name,)), time_cap=TIME_CAP).proved
 
 
 def reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:

@@ -439,9 +439,11 @@ def describe_disk_margin(margins: Margins) -> str:
 
 
 def describe_worst_sensitivity(margins: Margins, *, single: bool) -> str:
-    """Return the largest sensitivity over the set."""
+    """Return the largest sensitivity over the set: what a plant of one channel reaches, of several a bound."""
     S = "|S|" if single else "the largest singular value of S"
-    return f"{S} at most {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}"
+    most = "reaches" if single else "stays below" if margins.S_worst_lines else "at most"
+    where = f" on {margins.S_worst_lines} frequencies" * (margins.S_worst_lines > 0)
+    return f"{S} {most} {margins.S_worst:.3g}{where} over the set, at {format_hertz(margins.omega_S_worst)}"
 
 
 def describe_broken(margins: Margins) -> str:

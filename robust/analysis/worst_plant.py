@@ -25,7 +25,8 @@ from robust.analysis.loop import (
     perturbed_sensitivity,
     plant_in_loop,
 )
-from robust.analysis.loop_of_channels import largest_gains, performance_loop
+from robust.analysis.loop_of_channels import performance_loop, set_gain
+from robust.analysis.loop_proofs import has_worst_gain_below
 from robust.analysis.performance import StepResponse, step_of_plant
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
@@ -39,6 +40,8 @@ from robust.mu.both_bounds import worst_gain
 from robust.mu.perturbations import lower
 from robust.mu.scalings import refine_grid
 from robust.proofs.search.stability import decide_stability
+
+LEVEL_MARGIN = 1e-4  # of a largest gain of one channel, by which the level that is proved lies above it
 
 
 @value
@@ -64,6 +67,9 @@ class WorstCase:
         |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
     stable : bool
         Whether the loop with that plant is stable.
+    n_lines : int
+        0 where the largest value of `gain` is proved to be one at all frequencies, within 0.1 %; else on how many it
+        was looked at.
 
     References
     ----------
@@ -88,6 +94,7 @@ class WorstCase:
     delta: complex | np.ndarray
     achieved: float
     stable: bool
+    n_lines: int = 0
 
     def __str__(self) -> str:
         at, size = format_hertz(self.omega_worst), float(np.linalg.norm(np.atleast_2d(self.delta), 2))
@@ -95,7 +102,8 @@ class WorstCase:
             plant = f"a plant of the set, of {self.plant.nstates} states and |Delta| {size:.3g},"
             return f"{plant} makes the loop unstable at {at}"
         plant = f"the plant, of {self.plant.nstates} states, has {self.achieved:.4g} at {at}"
-        return f"largest gain over the set at most {np.max(self.gain):.4g}; {plant}"
+        where = f" on {self.n_lines} frequencies" * (self.n_lines > 0)
+        return f"largest gain over the set at most {np.max(self.gain):.4g}{where}; {plant}"
 
 
 def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0) -> WorstCase:
@@ -165,15 +173,19 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     at, omega = np.array([where]), np.unique(np.append(omega, where))
     S = perturbed_sensitivity(plant, seen, loop, at)
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
+    gain = loop.curves(omega).worst_performance
+    level = float(gain.max()) * (1 + LEVEL_MARGIN)
+    proved = np.isinf(level) or has_worst_gain_below(loop, level)
     return WorstCase(
         omega=omega,
-        gain=loop.curves(omega).worst_performance,
+        gain=np.where(omega == omega[gain.argmax()], level, gain) if proved else gain,
         omega_worst=where,
         plant=plant,
         delta=delta,
         achieved=float(achieved),
         # a perturbation that was made to put a pole on the boundary does, whatever side rounding leaves it on
         stable=peak_b < 1 and is_stable_with(plant, seen, loop),
+        n_lines=0 if proved else omega.size,
     )
 
 
@@ -275,7 +287,8 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
     """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
-    omega, gain = largest_gains(system, model.omega)
+    largest = set_gain(system.N, system.structure)
+    omega, gain = largest.omega, largest.gain
     try:
         broken = breaking_perturbation(model, K)
     except ValueError:  # nothing breaks the loop
@@ -300,6 +313,7 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
         delta=response_by_channel(Delta, np.array([where]))[:, :, 0],
         achieved=performance_gain(system, Delta, where),
         stable=stable,
+        n_lines=largest.n_lines,
     )
 
 

@@ -8,6 +8,7 @@ intervals      the proof of a level with a scaling for each interval of the freq
 parameters     margins and bounds for real parameters
 perturbations  lower bounds: a perturbation that makes the loop singular, verified
 scalings       upper bounds by scalings, refined around their peaks
+set_gain       the worst gain over a set, bounded at all frequencies by exact arithmetic
 """
 
 import lazy_loader

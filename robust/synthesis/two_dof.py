@@ -19,8 +19,10 @@ from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
-from robust.analysis.loop_of_channels import gain_grid, performance_loop
+from robust.analysis.loop_of_channels import performance_loop, set_gain
 from robust.analysis.sampled_set import set_on_controller_time_base
+from robust.lti.connections import block_diagonal, in_parallel, in_series
+from robust.lti.grids import structure_grid
 from robust.lti.lti import is_constant, is_stable, response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import rightmost_pole, stable_weight
@@ -28,7 +30,6 @@ from robust.lti.sampling import discretize
 from robust.lti.truncation import balanced_candidates
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
-from robust.mu.gain import gain_bound
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 
@@ -56,6 +57,9 @@ class ReferenceFilter:
         the largest singular value, and an upper bound of it.
     error_without : (W,) ndarray or None
         Of a feedforward the largest over the set with F = 0.
+    n_lines : int
+        Of several channels 0 where the largest `error_worst` is proved to be one at all frequencies, else on how many
+        it was looked at.
 
     References
     ----------
@@ -82,6 +86,7 @@ class ReferenceFilter:
     error: np.ndarray
     error_worst: np.ndarray
     error_without: np.ndarray | None = None
+    n_lines: int = 0
 
 
 def prefilter(
@@ -157,8 +162,7 @@ def prefilter_matrix(
 ) -> ReferenceFilter:
     """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
 
-    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
-    it, with the error E = T_ref - (I - S) F.
+    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see `error_loop`.
     """
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)
@@ -169,20 +173,30 @@ def prefilter_matrix(
     S = system.N[-n:, -n:]
     T = control.StateSpace(S.A, S.B, -S.C, np.eye(n) - S.D, dt)
     found = synthesise_matching(T_ref, T, effort=effort)
-    omega = gain_grid(system, model.omega)
-    F = exact_at_zero(fewest_states(found.K, T, omega=omega, dt=dt), T, T_ref)
-    N, f, wanted = (response_by_channel(each, omega) for each in (system.N, F, T_ref))
-    error = wanted - np.einsum("ijw,jkw->ikw", np.eye(n)[:, :, None] - N[-n:, -n:], f)
-    with_F = np.concatenate([np.einsum("ijw,jkw->ikw", N[:-n, -n:], f), error])
+    F = exact_at_zero(fewest_states(found.K, T, omega=structure_grid(T)[1:], dt=dt), T, T_ref)
+    with_F = error_loop(system.N, F, T_ref)
+    worst = set_gain(with_F, system.structure)
+    error = response_by_channel(with_F[-n:, -n:], worst.omega)
     return ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_low,
         certificate=found.certificate,
-        omega=omega,
+        omega=worst.omega,
         error=np.linalg.norm(error, 2, axis=(0, 1)),
-        error_worst=gain_bound(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
+        error_worst=worst.gain,
+        n_lines=worst.n_lines,
     )
+
+
+def error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
+    """Return [N11 N12 F; N21 E] of a loop N = [N11 N12; N21 S] with a prefilter, E = S F + T_ref - F."""
+    n, n_d = T_ref.noutputs, N.ninputs - F.noutputs
+    passed = control.StateSpace([], [], [], np.eye(n_d), N.dt)
+    onto, taken = np.eye(N.noutputs)[:, -n:], np.eye(n_d + n)[-n:]
+    rest = in_parallel(T_ref, control.StateSpace(F.A, F.B, -F.C, -F.D, F.dt))
+    rest = control.StateSpace(rest.A, rest.B @ taken, onto @ rest.C, onto @ rest.D @ taken, N.dt)
+    return in_parallel(in_series(block_diagonal([passed, F], N.dt), N), rest)
 
 
 def synthesise_matching(

@@ -31,7 +31,7 @@ from robust._base.channels import is_single
 from robust._base.types import AnySystem, Weight
 from robust._base.warnings import DesignWarning
 from robust.lti.connections import block_diagonal, in_series
-from robust.lti.lti import timebase
+from robust.lti.lti import response, timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
 from robust.models.fit.class_error import target_loop
@@ -43,9 +43,22 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
 )
-from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, is_plant, make_family_set
+from robust.models.sets.family import (
+    CLOSE_LIFT,
+    DIAGONAL,
+    FAMILY_ORDER,
+    LIFT,
+    MAX_LIFT,
+    MAX_ROUNDS,
+    TOLERANCE,
+    find_family,
+    is_full,
+    is_plant,
+    make_family_set,
+)
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
+from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
 from robust.models.sets.orders import scan_orders
 from robust.models.sets.radius import (
@@ -152,8 +165,9 @@ def uncertainty(
     Notes
     -----
     A set of a list of plants of several channels has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the
-    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside, which is checked: systems at all their
-    poles, far outside the band and at the peaks between, FRFs on their lines.
+    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and
+    infinity included, which is proved by exact polynomials (`UncertaintyModel.contains`); FRFs on their lines. Where
+    full weights of the order do not hold them, the weights are diagonal, with a warning.
 
     References
     ----------
@@ -515,11 +529,45 @@ def set_of_user(
     if spec.simultaneous or spec.systematic is not None:
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
-    weight = fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
-    weight = checked_weight(weight, omega, radius, order=order)
+    covered = rules.extrapolate(omega, radius, dt)
+    kinds = (control.StateSpace, control.TransferFunction)
+    many = given if isinstance(given, list | tuple) and not isinstance(nominal, control.FrequencyResponseData) else ()
+    systems = [state_space("bla", plant) for plant in many if isinstance(plant, kinds)]
+    if systems:  # what they do between the lines of the FRFs
+        require_equal_roots(form.name, [nominal, *systems], inverse=form.inverse)
+        source += ", systems inside at all frequencies, FRFs on their lines"
+    for round_ in range(MAX_ROUNDS):
+        weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt)
+        model = UncertaintyModel(nominal=nominal, weight=weight, form=form.name, omega=omega, radius=radius)
+        bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
+        lift = max([1.0, *(one.upper * LIFT for one in bounds)])
+        if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
+            break
+        for plant, one in zip(systems, bounds, strict=True):
+            covered = cover_plant(covered, plant, nominal, form, one.omega)
+    if not lift < MAX_LIFT:
+        raise ValueError(
+            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
+            f"nominal as the weight reaches, {form.name} form: give it as an FRF, or another form or order"
+        )
+    weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
     return {
         "omega": omega,
         "radius": radius,
-        "weight": weight,
+        "weight": checked_weight(weight, omega, radius, order=order),
         "origin": Origin(source=source, extrapolation=str(rules)),
     }
+
+
+def cover_plant(
+    covered: tuple[np.ndarray, np.ndarray],
+    plant: control.StateSpace,
+    nominal: control.StateSpace,
+    form: Form,
+    more: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and radii for a weight to cover, with one more, where the deviation of a system counts."""
+    lines, radius = covered
+    omega = np.union1d(lines, [more] * (more > 0))
+    away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
+    return omega, np.maximum(np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away))

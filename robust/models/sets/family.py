@@ -14,6 +14,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import control
 import numpy as np
@@ -23,16 +24,14 @@ from nlfrf._base.arguments import data_warning, require_choice, require_positive
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust._base.warnings import DesignWarning
-from robust.lti.connections import block_diagonal
-from robust.lti.grids import structure_grid
 from robust.lti.lti import poles as poles_of
-from robust.lti.lti import response_by_channel, timebase, to_s_plane, zeros
+from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import frequency_response, multivariable
-from robust.lti.stability import unstable_poles
 from robust.models.fit.nominal import NominalFit, fit_nominal
 from robust.models.fit.spectral import fit_matrix_weights
 from robust.models.sets.block_weights import smallest_block_weights
 from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, MATRIX_FORMS
+from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
 
@@ -45,9 +44,9 @@ MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
 MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
 MAX_ROUNDS = 3  # of adding the frequencies where a member lies outside between the lines
 CLOSE_LIFT = 1.02  # what remains is then lifted
-N_REFINEMENTS, N_BETWEEN, PEAK_SHARE = 3, 13, 0.97  # of the dense lines, around each peak that is near the largest
-LIFT = 1 + 1e-6  # beyond what the refined peaks ask for
+LIFT = 1 + 1e-6  # beyond what is proved to be enough, for the rounding of weights that are lifted
 FAMILY_ORDER = 4  # of the weights, when none is given
+TOLERANCE = 1e-3  # between both bounds of how far a member lies out
 MAX_LIFT = 1.5  # more says that no proper weight of the order holds the deviations
 #: Poles of a nominal that is found; the first whose misfit is below this share of the spread of the family.
 NOMINAL_ORDERS, MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
@@ -63,7 +62,7 @@ class Family:
     omega : (W,) ndarray
         Lines [rad/s].
     G_p : (M, W, n_y, n_u) complex ndarray
-        Members.
+        Members, FRFs before systems; nan of an FRF on a line that is none of its own.
     G : (W, n_y, n_u) complex ndarray
         The nominal.
     nominal : control.StateSpace
@@ -87,22 +86,16 @@ class Family:
         row, (n_y, n_u) = BLOCK_FORMS[form], self.G.shape[1:]
         if row.needs_square_plant and n_y != n_u:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
-        roots, kind = (right_zeros, "zeros") if row.inverse else (right_poles, "poles")
-        counts = [roots(system) for system in (self.nominal, *self.systems)]
-        if len(set(counts)) > 1:
-            raise ValueError(
-                f"form must be {'one that is not' if row.inverse else 'an'} inverse where the number of {kind} in the "
-                f"right half plane differs, got {form} with {counts[0]} of the nominal and {min(counts[1:])} to "
-                f"{max(counts[1:])} of the plants"
-            )
+        require_equal_roots(form, (self.nominal, *self.systems), inverse=row.inverse)
         if row.needs_square_plant:
-            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], self.G_p])) < MAX_CONDITION, axis=0)
+            known = np.where(np.isnan(self.G_p), self.G, self.G_p)
+            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < MAX_CONDITION, axis=0)
             if singular.any():
                 raise ValueError(
                     f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "
                     f"{self.omega[singular.argmax()]:.4g} rad/s"
                 )
-        E = row.deviation(self.G_p, self.G)
+        E = between_lines(row.deviation(self.G_p, self.G), self.omega)
         ends, members, nominal = decided_responses(form, self, self.ends)
         far = row.deviation(members, nominal) if ends.size else np.zeros(0)
         if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > MAX_RISE * np.abs(E).max():
@@ -296,7 +289,7 @@ def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Famil
             raise ValueError("bla must be FRFs on the same lines, got others: interpolate them first")
     else:
         omega = lines_of_systems(known)
-    G_p = members_on_lines(many, omega, tuple(known), shape)
+    G_p = members_on_lines([*frfs, *systems], omega, tuple(known), shape)
     if given is None:
         given = find_nominal(G_p, omega, dt)
     if count_channels(given) != shape:
@@ -378,17 +371,6 @@ def find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.State
     return best
 
 
-def right_poles(system: control.StateSpace) -> int:
-    """Return how many poles lie strictly outside the stability region."""
-    return unstable_poles(system, timebase(system))
-
-
-def right_zeros(system: control.StateSpace) -> int:
-    """Return how many finite zeros lie strictly outside the stability region."""
-    found, dt = zeros(system), timebase(system)
-    return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
-
-
 def make_family_set(
     plants: object,
     nominal: NominalFit | AnySystem | None,
@@ -402,7 +384,6 @@ def make_family_set(
 ) -> UncertaintyModel:
     """Return the set of a family, in the form that was asked for or in the one of the smallest measure."""
     family, full, chosen = make_family(plants, nominal), is_full(weights), ""
-    n = len(family.G_p)
     if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
     if form in (AUTO, DEFAULT_FORM):
@@ -419,36 +400,57 @@ def make_family_set(
         raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
     if family.is_parametric:
         rules = Extrapolation()
+    hold = partial(hold_family, family, form, order=order, rules=rules, perturbation=perturbation, chosen=chosen)
+    if not full:
+        return hold(full=False)
+    try:
+        return hold(full=True)
+    except ValueError as error:
+        model = hold(full=False)
+        data_warning(f"weights must be diagonal for these plants, and are: with full ones, {error}", DesignWarning)
+        return model
+
+
+def hold_family(
+    family: Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str, chosen: str
+) -> UncertaintyModel:
+    """Return a set of a form that holds every member, or a refusal where weights of the order are too far off."""
     for round_ in range(MAX_ROUNDS):
         model = fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
-        omega, distances = distances_of_members(model, family)
-        outside = distances.max(axis=1) > CLOSE_LIFT
+        reach = reach_of_members(model, family)
+        outside = reach.sizes > CLOSE_LIFT
         if not outside.any() or round_ == MAX_ROUNDS - 1:
             break
-        family = add_lines(family, omega[distances[outside].argmax(axis=1)])
-    lift, at = float(distances.max()), float(omega[distances.max(axis=0).argmax()])
+        family = add_lines(family, reach.omega[outside])
+    lift, at = float(reach.sizes.max()), float(reach.omega[reach.sizes.argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
             f"form and order must leave stable proper weights over every deviation, got {form} of order {order} with a "
             f"plant {lift:.3g} times as far from the nominal as they reach, at {at:.3g} rad/s"
         )
-    where = f"{omega.size} frequencies" if family.is_parametric else f"their {family.omega.size} lines"
-    words = f"{n} plants that were given, each inside at {where}{chosen}"
     return lift_set(
         model,
         max(lift, 1.0) * LIFT,
-        source=words,
+        source=f"{len(family.G_p)} plants that were given, {reach.where}{chosen}",
         extrapolation="plants known at every frequency" if family.is_parametric else str(rules),
     )
 
 
 def add_lines(family: Family, omega: np.ndarray) -> Family:
-    """Return a family of systems on more lines."""
-    lines = np.unique(np.concatenate([family.omega, omega]))
-    members = np.array([on_lines(system, lines) for system in family.systems])
-    return Family(
-        omega=lines, G_p=members, G=on_lines(family.nominal, lines), nominal=family.nominal, systems=family.systems
-    )
+    """Return a family on more lines, on which nothing is known of its FRFs."""
+    lines, n = np.unique(np.concatenate([family.omega, omega])), len(family.G_p) - len(family.systems)
+    G_p = np.full((len(family.G_p), lines.size, *family.G.shape[1:]), np.nan, dtype=complex)
+    G_p[:n, np.searchsorted(lines, family.omega)] = family.G_p[:n]
+    for k, system in enumerate(family.systems):
+        G_p[n + k] = on_lines(system, lines)
+    return replace(family, omega=lines, G_p=G_p, G=on_lines(family.nominal, lines))
+
+
+def between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return deviations (M, W, n, m) with that of the nearest line where nothing is known of a member."""
+    known = ~np.isnan(E).any(axis=(2, 3))
+    nearest = [np.flatnonzero(row)[np.abs(omega[row] - omega[:, None]).argmin(axis=1)] for row in known]
+    return np.array([member[at] for member, at in zip(E, nearest, strict=True)])
 
 
 def fit_set(
@@ -457,7 +459,8 @@ def fit_set(
     """Return the set with weights over the smallest ones on the lines; the assumption outside them is of W_l."""
     dt, omega = timebase(family.nominal), family.omega
     if form == ELEMENTS:
-        rows = np.abs(family.G_p - family.G).max(axis=0).transpose(2, 1, 0).reshape(-1, omega.size)
+        away = np.abs(between_lines(family.G_p - family.G, omega)).max(axis=0)
+        rows = away.transpose(2, 1, 0).reshape(-1, omega.size)
         rows = np.maximum(rows, MIN_RADIUS_RATIO * rows.max())
         right = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows)
         return UncertaintyModel(
@@ -514,33 +517,29 @@ def gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np
     return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
 
 
-def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (W,) [rad/s] and the size (M, W) of the Delta of each member there.
+@value
+class Reach:
+    """How far a set has to reach for each member (M,), where [rad/s] (M,), and in words where that was looked at."""
 
-    Of systems those of all poles and weights, dense at each resonance; of FRFs their lines.
-    """
-    omega = family.omega
-    if not family.is_parametric:
-        return omega, model.normalized_distance(omega, family.G_p, family.G)
+    sizes: np.ndarray
+    omega: np.ndarray
+    where: str
 
-    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        decided, members, nominal = decided_responses(model.form, family, omega)
-        return decided, model.normalized_distance(decided, members, nominal)
 
-    every = [family.nominal, *family.systems, *model.weights]
-    omega = np.unique(
-        np.concatenate([omega, structure_grid(block_diagonal(every, family.nominal.dt))[1:], family.ends])
-    )
-    omega, found = sizes(omega)
-    for _ in range(N_REFINEMENTS):
-        largest = found.max(axis=0)
-        inner = np.flatnonzero((largest[1:-1] >= largest[:-2]) & (largest[1:-1] >= largest[2:])) + 1
-        inner = inner[largest[inner] > PEAK_SHARE * largest.max()]
-        between = np.geomspace(omega[inner - 1], omega[inner + 1], N_BETWEEN)[1:-1].ravel()
-        new, more = sizes(np.setdiff1d(between, omega))
-        order = np.argsort(np.concatenate([omega, new]))
-        omega, found = np.concatenate([omega, new])[order], np.concatenate([found, more], axis=1)[:, order]
-    return omega, found
+def reach_of_members(model: UncertaintyModel, family: Family) -> Reach:
+    """Return the largest Delta of each member: of an FRF on its lines, of a system proved at all frequencies."""
+    n, known = len(family.G_p) - len(family.systems), ~np.isnan(family.G_p)
+    far = model.normalized_distance(family.omega, np.where(known, family.G_p, family.G), family.G)
+    sizes, omega = far.max(axis=1), family.omega[far.argmax(axis=1)]
+    where = {f"FRFs at their {int(known[0, :, 0, 0].sum())} lines"} if n else set()
+    for k, system in enumerate(family.systems, start=n):
+        found = [deviation.bound(float(omega[k]), TOLERANCE) for deviation in model.deviations(system)]
+        largest = max(found, key=lambda one: (one.upper, one.lower))
+        if largest.is_proved or largest.lower > sizes[k]:
+            sizes[k], omega[k] = largest.upper if largest.is_proved else largest.lower, largest.omega
+        at = "all" if largest.is_proved else f"{family.omega.size}"
+        where.add(f"systems at {at} frequencies{f' ({largest.reason})' * (not largest.is_proved)}")
+    return Reach(sizes=sizes, omega=omega, where=f"each inside, {' and '.join(sorted(where))}")
 
 
 def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:

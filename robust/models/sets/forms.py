@@ -267,6 +267,13 @@ class MatrixForm:
         """Return whether its deviation takes the inverse of a plant."""
         return (self.reads, self.acts, self.inverse) != ("u", "y", False)
 
+    @property
+    def factors(self) -> tuple[str, str]:
+        """Return L and R of E = L W_l Delta W_r R, the difference of plant G_p and nominal G: "", "G" or "G_p"."""
+        left = ("G_p" if self.inverse else "G") if self.acts == "u" else ""
+        right = ("G_p" if self.inverse and not left else "G") if self.reads == "y" else ""
+        return left, right
+
 
 #: Name -> row, of the forms with a full block (SP 8.2.3).
 BLOCK_FORMS = {

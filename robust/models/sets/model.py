@@ -47,6 +47,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import (
+    data_warning,
     format_count,
     random_generator,
     require_choice,
@@ -58,7 +59,9 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import ArrayField, freeze_array, value
+from robust._base.states import Outcome
 from robust._base.types import AnySystem, Controller, SystemField, Weight
+from robust._base.warnings import DesignWarning
 from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, upper_lft, weighted_plant
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
@@ -74,7 +77,14 @@ from robust.lti.lti import (
     signal_names,
     timebase,
 )
-from robust.lti.realisation import frequency_response, multivariable, repeat_over_channels, rightmost_pole, state_space
+from robust.lti.realisation import (
+    frequency_response,
+    multivariable,
+    reachable_entry,
+    repeat_over_channels,
+    rightmost_pole,
+    state_space,
+)
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (
@@ -86,14 +96,16 @@ from robust.models.sets.forms import (
     MATRIX_FORMS,
     PERTURBATIONS,
     RECORD_FORMS,
+    MatrixForm,
     reduce_to_one_channel,
 )
 from robust.models.sets.interconnection import Block, UncertainSystem
+from robust.models.sets.membership import Deviation, block_deviation, coprime_deviation, right_roots
 from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
 
 ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
-SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
+SET_TOLERANCE = 1e-6  # by which a plant may be farther from the nominal than its set lets it
 MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
 
 
@@ -531,8 +543,57 @@ class UncertaintyModel:
         return amplified * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None] * np.linalg.norm(P[:n_z, n_d:], axis=0)
 
     def contains(self, plant: AnySystem) -> bool:
-        """Return whether an FRF (or a system, on the lines) lies in the set at every one of its frequencies."""
-        return bool(np.all(self.distance(plant) <= 1 + SET_TOLERANCE))
+        """Return whether an FRF lies in the set at every one of its frequencies, or a system at all there are.
+
+        Of a system it is proved, in 1e-6 of the radius: poles in the right half plane (in an inverse form zeros) are as
+        many as those of the nominal, and the smallest Delta has a gain of at most one at zero and infinity, too. A
+        system is compared on the lines where the nominal is an FRF, and, with a warning, where no proof is found.
+        """
+        distance = self.distance(plant)
+        if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
+            return bool(np.all(distance <= 1 + SET_TOLERANCE))
+        plant = (state_space if self.is_single else multivariable)("plant", plant)
+        if self.counted_roots(plant) != self.counted_roots(self.nominal):
+            return False
+        found = [deviation.is_within(1 + SET_TOLERANCE) for deviation in self.deviations(plant)]
+        if any(one.outcome is Outcome.UNDECIDED for one in found):
+            reason = next(one.reason for one in found if one.outcome is Outcome.UNDECIDED)
+            data_warning(f"plant was compared on {distance.size} lines only: {reason}", DesignWarning)
+            return bool(np.all(distance <= 1 + SET_TOLERANCE))
+        return all(one.holds for one in found)
+
+    def counted_roots(self, plant: control.StateSpace) -> int:
+        """Return how many poles, in an inverse form zeros, a plant has in the right half plane: all of a set as many.
+
+        Of coprime factors none are counted.
+        """
+        row = self._row
+        return 0 if row is None else right_roots(plant, inverse=row.inverse)
+
+    @property
+    def _row(self) -> MatrixForm | None:
+        """Return the full block that the form is, of one channel too; None for coprime factors."""
+        if not self.is_single:
+            return BLOCK_FORMS[ADDITIVE if self.form == ELEMENTS else self.form]
+        return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
+
+    def deviations(self, plant: control.StateSpace) -> list[Deviation]:
+        """Return what turns the nominal into a plant, at every frequency; of "elements" one for each."""
+        G, row = self.nominal, self._row
+        if row is None:
+            return [coprime_deviation(G, plant, weight=self.weight, shaping=self.shaping)]
+        if self.is_single:
+            each = [(G, plant, self.weight, state_space("weight", 1.0))]
+        elif self.form == ELEMENTS:
+            one = state_space("weight", 1.0)
+            pairs = [(j, i) for i in range(self.n_inputs) for j in range(self.n_outputs)]
+            each = [
+                (reachable_entry(G, j, i), reachable_entry(plant, j, i), w, one)
+                for (j, i), w in zip(pairs, self.right, strict=True)
+            ]
+        else:
+            each = [(G, plant, *self.side_weights())]
+        return [block_deviation(row, G, G_p, W_l=W_l, W_r=W_r, omega=self.omega) for G, G_p, W_l, W_r in each]
 
     def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation, to simulate the worst one.
@@ -739,12 +800,10 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
 
     On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
     """
-    if not model.contains(plant):
+    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
         return False
     if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
     omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(
-        np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * SET_TOLERANCE)
-    )
+    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + SET_TOLERANCE))

@@ -1,6 +1,7 @@
 """Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
 aliases        claims about continuous plants under a sampled controller
+bands          inequalities between transfer matrices in a band of frequencies
 channel_files  what is claimed of several channels, in files
 claim          what is claimed of a loop, with every number as given
 claim_files    claims as plain numbers and words, in files with a digest

@@ -94,6 +94,12 @@ class ExactMatrix:
         return ExactMatrix(re=self.re.transpose(), im=self.im.transpose() * fmpq(-1))
 
     @property
+    def inverse(self) -> ExactMatrix:
+        """Inverse; a ZeroDivisionError where there is none."""
+        rows, n = stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]).inv().tolist(), self.re.nrows()
+        return ExactMatrix(re=fmpq_mat([row[:n] for row in rows[:n]]), im=fmpq_mat([row[:n] for row in rows[n:]]))
+
+    @property
     def is_hermitian(self) -> bool:
         """Whether it is its conjugate transpose."""
         return bool(self.re == self.re.transpose() and self.im == self.im.transpose() * fmpq(-1))

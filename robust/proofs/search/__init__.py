@@ -1,5 +1,6 @@
 """Search for certificates: bounded real, intervals, stability.
 
+bands         the largest gain in a band of frequencies, bounded from both sides
 bounded_real  one linear matrix inequality for a whole norm
 certificate   `Certificate`: what was proved, how, and if not, why not
 intervals     scaling frozen on an interval, a Hamiltonian test on each

@@ -334,7 +334,7 @@ def test_the_check_names_the_largest_sensitivity_of_the_worst_plant(form):
     K = control.tf([3], [1, 2])
     report, worst = check(model(form), K), worst_case(model(form), K)
     assert report.margins.S_worst == pytest.approx(worst.achieved, rel=1e-3)
-    assert f"worst case: |S| at most {report.margins.S_worst:.3g} over the set, at" in unwrapped(str(report))
+    assert f"worst case: |S| reaches {report.margins.S_worst:.3g} over the set, at" in unwrapped(str(report))
     assert ("thin margins" in str(report)) == (report.margins.S_worst > 2)
     # with any demand the largest |S| is the same one, not that of w_P S
     assert check(model(form), K, w_P=performance_weight(1.0)).margins.S_worst == pytest.approx(

@@ -332,7 +332,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert "linear loop, from motion-trace.csv" in page
     assert page.startswith("gains\nPASSED, linear loop and friction: the axis may run with these gains.\n")
     assert "STATISTICALLY ROBUST" in page
-    assert re.search(r"\|S\| at most 1\.[5-9]\d? over the set, at \d+", page)
+    assert re.search(r"\|S\| reaches 1\.[5-9]\d? over the set, at \d+", page)
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in page
     assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in page
     assert "of any size, in parts of it, linear, without limits: goes to 1, 10 to 90 % in" in page

@@ -117,7 +117,7 @@ def test_every_plant_of_the_family_lies_inside_at_frequencies_that_were_not_look
     assert 0.9 < np.max(far) <= 1
     assert all(model.contains(plant) for plant in plants)
     assert ([w.noutputs for w in model.left], model.structure) == ([1, 1] if weights == "diagonal" else [2], [(2, 2)])
-    assert "4 plants that were given, each inside at" in model.origin.source
+    assert "4 plants that were given, each inside, systems at all frequencies" in model.origin.source
     assert np.isnan(model.confidence)
     for weight in model.weights:  # stable and minimum phase
         assert np.all(weight.poles().real < 0)
@@ -139,7 +139,7 @@ def test_frfs_are_held_on_their_lines_and_a_nominal_is_found():
     frfs = [control.frd(plant, omega) for plant in family(5)]
     model = robust.uncertainty(frfs, form="output")
     assert all(model.contains(frf) for frf in frfs)
-    assert "each inside at their 40 lines" in model.origin.source
+    assert "each inside, FRFs at their 40 lines" in model.origin.source
     mean = np.mean([frf.frdata for frf in frfs], axis=0)
     spread = np.abs([frf.frdata - mean for frf in frfs]).max(axis=0)
     assert np.median(np.abs(response_by_channel(model.nominal, omega) - mean) / spread) < 0.2

@@ -1,0 +1,191 @@
+"""Whether a plant lies in a set at every frequency: its smallest Delta, without the inverse of a plant.
+
+In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R are one, the nominal
+or the plant. So there is a Delta of gain gamma where
+
+    [gamma^2 X X*  E; E*  Y* Y] >= 0,
+
+which is asked of exact polynomials (`robust.proofs.exact.bands`): at zeros and poles on the axis, at zero and at
+infinity it says what it says elsewhere. Of coprime factors X = w [1 G] and Y = [1; G_p].
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import control
+import numpy as np
+from scipy.linalg import eig
+
+from nlfrf._base.values import value
+from robust.lti.connections import in_series
+from robust.lti.lti import response_by_channel, timebase, zeros
+from robust.lti.stability import unstable_poles
+from robust.models.sets.forms import MatrixForm
+from robust.proofs.exact.bands import (
+    Pair,
+    Terms,
+    TransferMatrix,
+    decide_on_axis,
+    join_blocks,
+    multiply,
+    points_of_band,
+    subtract,
+)
+from robust.proofs.exact.claim import Matrices, to_matrices
+from robust.proofs.exact.interval_kyp import ExactMatrix
+from robust.proofs.exact.matrices import identity
+from robust.proofs.exact.polynomials import Decision, proved
+from robust.proofs.search.bands import TIME_CAP, GainBound, climb
+
+#: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
+#: good as vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random
+#: coordinates leave up to some 1e-14.
+ROUNDING = 1e-12
+POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
+
+
+@value(copy=False)
+class Deviation:
+    """What turns a nominal into a plant, as exact systems, and X, E and Y from their values; where it is looked at."""
+
+    parts: tuple[TransferMatrix, ...]
+    terms: Callable[[Sequence[Pair]], Terms]
+    dt: float
+    bands: tuple[tuple[float, float], ...]
+
+    def is_within(self, level: float, time_cap: float = TIME_CAP) -> Decision:
+        """Decide whether the smallest Delta has at most this gain at every frequency."""
+        deadline = time.thread_time() + time_cap
+        for low, high in self.bands:
+            found = decide_on_axis(
+                self.parts, lambda pairs: self.terms(pairs).below(level), low=low, high=high, deadline=deadline
+            )
+            if not found.holds:
+                return found
+        return proved()
+
+    def bound(self, omega: float, tolerance: float, time_cap: float = TIME_CAP) -> GainBound:
+        """Bound the gain of the smallest Delta over all frequencies, beginning at omega [rad/s]."""
+        return climb(
+            self.parts,
+            lambda level: lambda pairs: self.terms(pairs).below(level),
+            lambda pairs: self.terms(pairs).least_level(),
+            start=points_of_band((omega, omega), self.dt)[0],
+            bands=self.bands,
+            dt=self.dt,
+            tolerance=tolerance,
+            deadline=time.thread_time() + time_cap,
+        )
+
+
+def block_deviation(
+    row: MatrixForm,
+    G: control.StateSpace,
+    G_p: control.StateSpace,
+    *,
+    W_l: control.StateSpace,
+    W_r: control.StateSpace,
+    omega: np.ndarray,
+) -> Deviation:
+    """Return the deviation of a plant from a nominal in a form; omega : frequencies [rad/s] of its weights."""
+    left, right = row.factors
+    known = {"G": G, "G_p": G_p}
+    gains = [np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))]
+    if left and right:  # both vanish with the plant, and only the product of what is added counts there
+        units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(ROUNDING)
+    else:  # the other one is a weight, in whose units E is
+        units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), ROUNDING
+    more = {}
+    if left:
+        more["X"] = with_rounded_inputs(known[left], units[0] / share)
+    if right:
+        more["Y"] = with_rounded_outputs(known[right], units[1] / share)
+
+    def terms(pairs: Sequence[Pair]) -> Terms:
+        at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
+        rest = dict(zip(more, pairs[4:], strict=True))
+        return Terms(
+            X=multiply(at[left], at["W_l"]) if left else at["W_l"],
+            E=subtract(at["G_p"], at["G"]),
+            Y=multiply(at["W_r"], at[right]) if right else at["W_r"],
+            more_X=rest.get("X"),
+            more_Y=rest.get("Y"),
+        )
+
+    systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
+    rounded = [TransferMatrix.of(each, own_poles=False) for each in more.values()]
+    return Deviation(parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=known_bands((G, G_p)))
+
+
+def known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
+    """Return the stretches of the axis that are left when poles are cut out which rounding cannot tell from it.
+
+    Within `POLE_ROUNDING` of what relative errors of the entries of A make of such a pole, a response is rounding.
+    """
+    cuts = []
+    for G in systems:
+        dt = timebase(G)
+        found, left, right = eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
+        along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a double integrator nothing is rounded: 0/0
+            moved = POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
+        moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(POLE_ROUNDING) * np.linalg.norm(G.A))
+        for p, reach in zip(found, moved, strict=True):
+            if abs(abs(p) - 1 if dt else p.real) <= reach and p.imag >= 0:
+                at, reach = (float(np.angle(p)) / dt, reach / dt) if dt else (p.imag, reach)
+                cuts.append(points_of_band((max(at - reach, 0.0), at + reach), dt))
+    cuts.sort()
+    starts = [0.0, *np.maximum.accumulate([high for _, high in cuts]).tolist()]
+    stops = [*(low for low, _ in cuts), np.inf]
+    return tuple(band for band in zip(starts, stops, strict=True) if band[0] < band[1])
+
+
+def with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+    """Return what a change of B by one part makes of a plant, each input over its unit."""
+    sizes = np.linalg.norm(G.B / units, axis=1)
+    return to_matrices(control.StateSpace(G.A, np.diag(sizes), G.C, np.zeros(G.C.shape), G.dt))
+
+
+def with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+    """Return what a change of C by one part makes of a plant, each output over its unit."""
+    sizes = np.linalg.norm(G.C / units[:, None], axis=0)
+    return to_matrices(control.StateSpace(G.A, G.B, np.diag(sizes), np.zeros(G.B.shape), G.dt))
+
+
+def coprime_deviation(
+    G: control.StateSpace, G_p: control.StateSpace, *, weight: control.StateSpace, shaping: control.StateSpace
+) -> Deviation:
+    """Return the deviation of the coprime factors of a shaped plant from those of the nominal."""
+    shaped = [in_series(each, shaping) for each in (G, G_p)]
+    one = ExactMatrix.real(identity(1))
+
+    def terms(pairs: Sequence[Pair]) -> Terms:
+        P, P_p, w = pairs
+        row = join_blocks([[one, P[0]]]), join_blocks([[one], [P[1]]])
+        column = join_blocks([[one], [P_p[0]]]), join_blocks([[one, P_p[1]]])
+        return Terms(X=multiply(w, row), E=subtract(P_p, P), Y=column)
+
+    parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
+    return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=known_bands(shaped))
+
+
+def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
+    """Return how many poles, in an inverse form zeros, lie strictly outside the stability region."""
+    dt = timebase(system)
+    if not inverse:
+        return unstable_poles(system, dt)
+    found = zeros(system)
+    return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
+
+
+def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inverse: bool) -> None:
+    """Refuse a nominal and plants that differ in how many poles, or zeros, lie in the right half plane."""
+    own, *counts = (right_roots(system, inverse=inverse) for system in systems)
+    if set(counts) - {own}:
+        raise ValueError(
+            f"form must be {'one that is not' if inverse else 'an'} inverse where the number of "
+            f"{'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with {own} of the nominal "
+            f"and {min(counts)} to {max(counts)} of the plants"
+        )

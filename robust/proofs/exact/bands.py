@@ -1,0 +1,346 @@
+"""Inequalities between transfer matrices in a band of frequencies, decided over the rationals.
+
+M is a Hermitian matrix on the axis, put together of real systems and their adjoints X~(s) = X(-s)'. With d the product
+of their denominators, d d~ det M is an even polynomial. It is found from its values at real points, where everything is
+rational, and its real roots cut the band into pieces. Inside a piece no eigenvalue of M changes its sign, so that one
+point decides it. Poles and zeros on the axis, at zero and at infinity are roots as any others: nothing is inverted, and
+nothing is left open but for time. A discrete system is moved onto the axis by z = (1 + s)/(1 - s) first.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import count, pairwise
+from typing import TypeAlias
+
+import numpy as np
+from flint import arb, ctx, fmpq, fmpq_mat, fmpq_poly
+
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.interval_kyp import ExactMatrix
+from robust.proofs.exact.matrices import identity, stack
+from robust.proofs.exact.polynomials import (
+    Decision,
+    complex_roots,
+    moebius_transform,
+    proved,
+    refuted,
+    to_rational,
+    to_rational_matrix,
+    undecided,
+)
+
+ROOT_BITS = (64, 256, 1024, 4096)
+END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
+SINGULAR = "the inequality is an equality at every frequency"
+TIME_UP = "undecided, as time was up"
+
+#: A system at one point and its adjoint there: X(s) and X(-s)', on the axis X and X*.
+Pair: TypeAlias = tuple[ExactMatrix, ExactMatrix]
+#: Puts together the matrix that is to be positive.
+Inequality: TypeAlias = Callable[[Sequence[Pair]], ExactMatrix]
+
+
+@value(copy=False)
+class TransferMatrix:
+    """A system as polynomials in s over the rationals: numerators over one denominator of `order` roots.
+
+    Each polynomial p is kept by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles` says whether its
+    poles count beside those of the other parts of an inequality, or are the ones of another part.
+    """
+
+    num: tuple[tuple[tuple[fmpq_poly, fmpq_poly], ...], ...]
+    den: tuple[fmpq_poly, fmpq_poly]
+    order: int
+    own_poles: bool = True
+
+    @classmethod
+    def of(cls, system: Matrices, *, own_poles: bool = True) -> TransferMatrix:
+        """Return the transfer matrix of a system, hidden modes included; of a discrete one its bilinear image.
+
+        >>> import numpy as np
+        >>> one = np.ones((1, 1))
+        >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))
+        >>> str(lag.at(fmpq(2))[0].re), str(lag.on_axis(fmpq(1))[0].im)       # 1/(2 + 1), and -1/2 of 1/(1 + j)
+        ('[1/3]', '[-1/2]')
+        """
+        n = system.order
+        A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
+        den = A.charpoly() if n else fmpq_poly([1])
+
+        def numerator(i: int, j: int) -> fmpq_poly:
+            b, c = fmpq_mat(n, 1, [B[k, j] for k in range(n)]), fmpq_mat(1, n, [C[i, k] for k in range(n)])
+            through = den - (A + b * c).charpoly() if system.B[:, j].any() and system.C[i].any() else fmpq_poly([0])
+            return through + den * D[i, j]
+
+        def parts(p: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
+            p = moebius_transform(p, n) if system.dt else p
+            return fmpq_poly(p.coeffs()[::2]), fmpq_poly(p.coeffs()[1::2])
+
+        rows, columns = system.D.shape
+        num = tuple(tuple(parts(numerator(i, j)) for j in range(columns)) for i in range(rows))
+        return cls(num=num, den=parts(den), order=n, own_poles=own_poles)
+
+    def denominator(self, s: fmpq) -> fmpq:
+        """Return d(s) d(-s)."""
+        even, odd = (p(s * s) for p in self.den)
+        return even * even - s * s * odd * odd
+
+    @cached_property
+    def known(self) -> dict[fmpq, Pair]:
+        """Hold what `at` has returned: every inequality of a system is asked at the same points."""
+        return {}
+
+    def at(self, s: fmpq) -> Pair:
+        """Return X(s) and X(-s)' at a real point that is no pole."""
+        if s not in self.known:
+            self.known[s] = self.evaluate(s)
+        return self.known[s]
+
+    def evaluate(self, s: fmpq) -> Pair:
+        """Return `at`."""
+        even, odd = (p(s * s) for p in self.den)
+        values = [[(e(s * s), s * o(s * s)) for e, o in row] for row in self.num]
+        plus = fmpq_mat([[(e + o) / (even + s * odd) for e, o in row] for row in values])
+        minus = fmpq_mat([[(e - o) / (even - s * odd) for e, o in row] for row in values])
+        return ExactMatrix.real(plus), ExactMatrix.real(minus.transpose())
+
+    def on_axis(self, x: fmpq) -> Pair:
+        """Return X(jx) and its conjugate transpose; a ZeroDivisionError at a pole."""
+        y = -x * x
+        even, odd = self.den[0](y), x * self.den[1](y)
+        size = even * even + odd * odd
+        values = [[(e(y), x * o(y)) for e, o in row] for row in self.num]
+        found = ExactMatrix(
+            re=fmpq_mat([[(e * even + o * odd) / size for e, o in row] for row in values]),
+            im=fmpq_mat([[(o * even - e * odd) / size for e, o in row] for row in values]),
+        )
+        return found, found.H
+
+
+def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
+    """Return where a band [rad/s] lies on the axis: x = omega, or tan(omega dt/2) of a discrete system, made wider."""
+    if not dt:
+        return band
+    low, high = (float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf for omega in band)
+    return low * (1 - END_ROUNDING), high * (1 + END_ROUNDING)
+
+
+def frequency_of_point(x: float, dt: float) -> float:
+    """Return the frequency [rad/s] of a point of the axis."""
+    return 2 / dt * float(np.arctan(x)) if dt else x
+
+
+@value(copy=False)
+class Piece:
+    """A stretch of the axis in whose inside det M has no root: its ends, made wider, and M at a point of it."""
+
+    low: float
+    high: float
+    x: fmpq
+    M: ExactMatrix
+
+
+def cut_at_crossings(
+    parts: Sequence[TransferMatrix],
+    inequality: Inequality,
+    *,
+    low: float = 0.0,
+    high: float = np.inf,
+    deadline: float = np.inf,
+) -> list[Piece] | str:
+    """Return the pieces of the axis from low to high between the roots of det M; else why there are none.
+
+    A root is where an eigenvalue of M changes its sign, or touches zero, or a pole on the axis.
+    """
+    p = determinant(parts, inequality, deadline)
+    if p is None:
+        return TIME_UP
+    if not p:
+        return SINGULAR
+    ends = pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
+    pieces = [look_inside(*each, parts, inequality) for each in ends]
+    return [*pieces[:-1], replace(pieces[-1], high=high)]
+
+
+def decide_on_axis(
+    parts: Sequence[TransferMatrix],
+    inequality: Inequality,
+    *,
+    low: float = 0.0,
+    high: float = np.inf,
+    deadline: float = np.inf,
+) -> Decision:
+    """Decide whether M is positive semidefinite at every x from low to high that is no pole.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # |1/(1 + jx)|
+    >>> [decide_on_axis([lag], gain_below(x), low=1.0).holds for x in (0.70, 0.71)]
+    [False, True]
+    >>> decide_on_axis([lag], gain_below(0.71)).violated, decide_on_axis([lag], gain_below(1.0)).holds
+    (True, True)
+    """
+    pieces = cut_at_crossings(parts, inequality, low=low, high=high, deadline=deadline)
+    if isinstance(pieces, str):
+        return undecided(pieces)
+    for piece in pieces:
+        if not piece.M.is_positive:
+            return refuted("not positive there", to_float(piece.x))
+    return proved()
+
+
+def gain_below(level: float) -> Inequality:
+    """Return level^2 - H~H of one system: its largest singular value stays at or below the level."""
+
+    def inequality(pairs: Sequence[Pair]) -> ExactMatrix:
+        (H, adjoint), square = pairs[0], to_rational(level) ** 2
+        return ExactMatrix.real(identity(H.re.ncols()) * square) - adjoint * H
+
+    return inequality
+
+
+def multiply(left: Pair, right: Pair) -> Pair:
+    """Return the product of two systems at a point, and its adjoint."""
+    return left[0] * right[0], right[1] * left[1]
+
+
+def subtract(left: Pair, right: Pair) -> Pair:
+    """Return the difference of two systems at a point, and its adjoint."""
+    return left[0] - right[0], left[1] - right[1]
+
+
+@value(copy=False)
+class Terms:
+    """What E = X Delta Y is asked of: X, E and Y, and what rounding may add to X and to Y (None: nothing)."""
+
+    X: Pair
+    E: Pair
+    Y: Pair
+    more_X: Pair | None = None
+    more_Y: Pair | None = None
+
+    @property
+    def sizes(self) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix | None]:
+        """Return X X~, Y~ Y with what rounding adds, and what it adds to the first."""
+        right = self.Y[1] * self.Y[0]
+        right = right if self.more_Y is None else right + self.more_Y[1] * self.more_Y[0]
+        return self.X[0] * self.X[1], right, None if self.more_X is None else self.more_X[0] * self.more_X[1]
+
+    def below(self, level: float) -> ExactMatrix:
+        """Return the matrix that is positive where a Delta of gain below the level does."""
+        left, right, more = self.sizes
+        left = left.times(to_rational(level) ** 2)
+        return join_blocks([[left if more is None else left + more, self.E[0]], [self.E[1], right]])
+
+    def least_level(self) -> float:
+        """Return the gain of the smallest Delta."""
+        left, right, more = self.sizes
+        needed = self.E[0] * right.inverse * self.E[1]
+        found = left.inverse * (needed if more is None else needed - more)
+        return float(np.sqrt(max(0.0, np.linalg.eigvals(to_numbers(found)).real.max())))
+
+
+def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
+    """Return one matrix of rows of matrices."""
+    return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))
+
+
+def determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
+    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None for want of time."""
+    counted = [part for part in parts if part.own_poles]
+    order = sum(part.order for part in counted)
+    y: list[fmpq] = []
+    c: list[fmpq] = []
+    for s in map(fmpq, count(1)):
+        if len(y) > order:
+            break
+        if time.thread_time() > deadline:
+            return None
+        size = fmpq(1)
+        for part in counted:
+            size *= part.denominator(s)
+        if size:
+            y.append(s * s)
+            c.append(inequality([part.at(s) for part in parts]).re.det() * size)
+    for k in range(1, order + 1):  # divided differences, then Horner
+        for i in range(order, k - 1, -1):
+            c[i] = (c[i] - c[i - 1]) / (y[i] - y[i - k])
+    p = fmpq_poly([c[order]])
+    for i in range(order - 1, -1, -1):
+        p = p * fmpq_poly([-y[i], 1]) + c[i]
+    return p
+
+
+def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]]:
+    """Return the squares of the ends of each piece of ]low, high[ on which p(-x^2) has no root.
+
+    high : None for infinity, in place of which a number beyond the last root stands.
+    """
+    q = p(fmpq_poly([0, -1]))
+    for bits in ROOT_BITS:
+        with ctx.workprec(bits):
+            inside = roots_inside(q, low * low, None if high is None else high * high)
+        if inside is None:
+            continue
+        last = 4 * max([low * low, fmpq(1), *(above for _, above in inside)]) if high is None else high * high
+        ends = [(low * low, low * low), *inside, (last, last)]
+        if all(before[1] < after[0] for before, after in pairwise(ends)):
+            return [(before[1], after[0]) for before, after in pairwise(ends)]
+    raise ArithmeticError("roots of a determinant of doubles lie too near to each other")
+
+
+def roots_inside(q: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]] | None:
+    """Return the ends of the balls of all real roots between low and high; None for want of digits."""
+    found = []
+    for root, _ in complex_roots(q) if q.degree() > 0 else []:
+        if root.imag != 0:
+            continue
+        y = root.real
+        for end in (low, high):
+            if end is not None and y.contains(end) and q(end) != 0:
+                return None
+        if y > low and (high is None or y < high):
+            middle, radius = exact_number(y.mid()), exact_number(y.rad())
+            found.append((middle - radius, middle + radius))
+    return sorted(found, key=lambda ends: ends[0])
+
+
+def exact_number(x: arb) -> fmpq:
+    """Return the number that a ball without radius is."""
+    mantissa, exponent = x.man_exp()
+    return fmpq(mantissa) * fmpq(2) ** int(exponent)
+
+
+def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality) -> Piece:
+    """Return a piece with M at a point of it, geometrically in the middle where no pole is just there."""
+    top = high
+    for bits in count(64, 64):
+        with ctx.workprec(bits):
+            middle = arb(low) * arb(top) if low > 0 else arb(top) ** 2 / 64
+            x = exact_number(middle.sqrt().sqrt().mid())
+        if not low < x * x < top:
+            continue
+        try:
+            M = inequality([part.on_axis(x) for part in parts])
+        except ZeroDivisionError:  # a pole, of which there are as many as states
+            top = x * x
+            continue
+        ends = [float(np.sqrt(to_float(y))) for y in (low, high)]
+        return Piece(low=ends[0] * (1 - END_ROUNDING), high=ends[1] * (1 + END_ROUNDING), x=x, M=M)
+    raise AssertionError
+
+
+def to_float(x: fmpq) -> float:
+    """Return the nearest double of a rational number."""
+    return int(x.p) / int(x.q)
+
+
+def to_numbers(M: ExactMatrix) -> np.ndarray:
+    """Return a matrix as complex doubles."""
+    re, im = (np.array([[to_float(x) for x in row] for row in part.tolist()]) for part in (M.re, M.im))
+    return np.asarray(re + 1j * im)

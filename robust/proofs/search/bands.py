@@ -1,0 +1,133 @@
+"""The largest gain of a system in a band of frequencies, bounded from both sides: found and proved by one arithmetic.
+
+A level is tried. Where the gain passes it, exact arithmetic says between which frequencies, and the gain inside is the
+next level (Bruinsma & Steinbuch 1990). Where it passes it nowhere, the level is proved: no grid, no Hamiltonian in
+floating point, and nothing that modes over decades or near the axis could hide.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.lti import poles, response_by_channel, timebase, to_s_plane
+from robust.proofs.exact.bands import (
+    Inequality,
+    Pair,
+    TransferMatrix,
+    cut_at_crossings,
+    frequency_of_point,
+    gain_below,
+    points_of_band,
+    to_float,
+    to_numbers,
+)
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.polynomials import Coefficient, to_rational
+
+TOLERANCE = 1e-3  # relative, between both bounds
+TIME_CAP = 10.0  # processor time [s] after which a bound is left open
+MAX_LEVELS = 60
+SMALLEST, LARGEST = 1e-150, 1e100  # levels between which a gain is followed: beyond, it is none or has no bound
+
+
+@value
+class GainBound:
+    """Bounds of the largest gain in a band, and the frequency [rad/s] at which the lower one is attained.
+
+    `upper` is proved at every frequency of the band; it is inf where `reason` says why nothing was proved.
+    """
+
+    upper: float
+    lower: float
+    omega: float
+    reason: str = ""
+
+    @property
+    def is_proved(self) -> bool:
+        """Return whether the upper bound was proved."""
+        return not self.reason
+
+
+def bound_gain(
+    system: control.StateSpace,
+    *,
+    band: tuple[float, float] = (0.0, np.inf),
+    tolerance: float = TOLERANCE,
+    time_cap: float = TIME_CAP,
+) -> GainBound:
+    """Bound the largest singular value of a system over a band [rad/s], ends at zero and infinity included.
+
+    The system need not be stable. A pole on the axis inside the band leaves no bound.
+
+    >>> mode = control.ss(control.tf([1], [1, 2e-4, 1]))                    # a peak of 5000 at 1 rad/s
+    >>> whole, above = bound_gain(mode), bound_gain(mode, band=(2.0, np.inf))
+    >>> bool(5000 < whole.upper < 5006), round(whole.omega, 4), bool(1 / 3 <= above.upper < 0.334), above.omega
+    (True, 1.0, True, 2.0)
+    """
+    deadline, dt = time.thread_time() + time_cap, timebase(system)
+    H = TransferMatrix.of(to_matrices(system))
+    low, high = points_of_band(band, dt)
+    roots = to_s_plane(poles(system), dt)
+    omega = np.clip(np.concatenate([np.abs(roots), np.abs(roots.imag), [1.0]]), *band)
+    omega = np.append(np.minimum(omega, np.pi / dt if dt else np.inf), [band[0]])
+    with np.errstate(all="ignore"):
+        sizes = np.abs(response_by_channel(system, omega)).max(axis=(0, 1))
+    start = points_of_band((float(omega[np.nan_to_num(sizes, nan=0.0, posinf=0.0).argmax()]),) * 2, dt)[0]
+    return climb(
+        [H],
+        gain_below,
+        lambda pairs: float(np.linalg.norm(to_numbers(pairs[0][0]), 2)),
+        start=start,
+        bands=[(low, high)],
+        dt=dt,
+        tolerance=tolerance,
+        deadline=deadline,
+    )
+
+
+def climb(
+    parts: Sequence[TransferMatrix],
+    inequality: Callable[[float], Inequality],
+    size: Callable[[Sequence[Pair]], float],
+    *,
+    start: float,
+    bands: Sequence[tuple[float, float]] = ((0.0, np.inf),),
+    dt: float = 0.0,
+    tolerance: float = TOLERANCE,
+    deadline: float = np.inf,
+) -> GainBound:
+    """Bound the least level whose inequality holds on bands of the axis.
+
+    size : the least level at one point, from what the parts are there; start : the point x to begin with.
+    """
+    x = to_rational(start)
+    lower = size_at(parts, size, x)
+    for _ in range(MAX_LEVELS):
+        omega, level = frequency_of_point(to_float(x), dt), max(lower * (1 + tolerance), SMALLEST)
+        above = []
+        for low, high in bands:
+            pieces = cut_at_crossings(parts, inequality(level), low=low, high=high, deadline=deadline)
+            if isinstance(pieces, str):
+                return GainBound(upper=np.inf, lower=lower, omega=omega, reason=pieces)
+            above += [piece.x for piece in pieces if not piece.M.is_positive]
+        if not above:
+            return GainBound(upper=level, lower=lower, omega=omega)
+        sizes = [size_at(parts, size, each) for each in above]
+        x, lower = above[int(np.argmax(sizes))], max(level, *sizes)
+        if lower > LARGEST:
+            break
+    reason = f"no bound was found: it grows without end near {frequency_of_point(to_float(x), dt):.6g} rad/s"
+    return GainBound(upper=np.inf, lower=lower, omega=frequency_of_point(to_float(x), dt), reason=reason)
+
+
+def size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient) -> float:
+    """Return the least level at a point of the axis; zero where nothing is known of it, at a pole."""
+    try:
+        return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * LARGEST))
+    except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
+        return 0.0
