@@ -38,7 +38,7 @@ from nlfrf._base.files import (
     require_writable,
     write_text,
 )
-from robust._base.states import FrictionVerdict
+from robust._base.states import FrictionVerdict, Stability
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
 certificates, models, measured, pid, sampling, from_options, to_prove, prover, drive_check, shaping_page, gains_file = (
@@ -219,6 +219,9 @@ def design(
     filter_time: Annotated[
         float | None, typer.Option(help="Time constant of the derivative filter [s]; chosen when not given (pid).")
     ] = None,
+    plant_integrators: Annotated[
+        int | None, typer.Option(help="Integrators of the plant; read from the FRF when not given (pid).")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     peak_t: Annotated[float | None, typer.Option(help="Largest |T| allowed (pid).")] = None,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
@@ -226,14 +229,15 @@ def design(
 ) -> None:
     """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure.
 
-    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
+    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same; 3
+    where the FRF leaves open whether the loop is stable, with what would decide it.
     """
     json_path(out)
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
-    for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t)):
-        if given and method != "pid":
+    for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t), ("plant-integrators", plant_integrators)):
+        if given is not None and given is not False and method != "pid":
             raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
@@ -250,8 +254,9 @@ def design(
                 dt=sample_time,
                 delay=delay,
                 filter_time=filter_time,
+                plant_integrators=plant_integrators,
             )
-        words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
+        words = f"{result.limits_in_words}; {result.reason}"
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
     else:
         with spinner("designing"):
@@ -274,7 +279,8 @@ def design(
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    finish_command(result, result.met and not short, json)
+    undecided = result.stability is Stability.UNDECIDED
+    finish_command(result, result.met and not short, json, code=3 if undecided else 1)
 
 
 @app.command()

@@ -119,6 +119,8 @@ class TunedDesign:
         What no limit asks for, and is given away.
     n_evaluated : int
         Loops that were looked at.
+    broken_sets : tuple of int
+        Plants whose set has a plant that makes the loop unstable, by `worst_case`, where a limit is `worst`.
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
@@ -155,6 +157,7 @@ class TunedDesign:
     plant: Plants
     dt: float
     delay: float
+    broken_sets: tuple[int, ...] = ()
 
     @property
     def gamma(self) -> float:
@@ -173,6 +176,8 @@ class TunedDesign:
                 for one in missed[:3]
             )
             return f"not met: {entries} ({self.ended.value})"
+        if self.broken_sets:
+            return f"not met: with a plant of the set of plant {self.broken_sets[0]} the loop is unstable"
         if not self.stable:
             return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
         return self.ended.value
