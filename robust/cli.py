@@ -236,7 +236,12 @@ def design(
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
-    for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t), ("plant-integrators", plant_integrators)):
+    for option, given in (
+        ("positive", positive_gains),
+        ("filter-time", filter_time),
+        ("peak-t", peak_t),
+        ("plant-integrators", plant_integrators),
+    ):
         if given is not None and given is not False and method != "pid":
             raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
     result: robust.Design

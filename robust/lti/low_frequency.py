@@ -33,8 +33,8 @@ SLOPE, LAGS, MODES, ZEROS, DELAY, FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
 LEFT_OVER = 0.05
 #: Of each unstable pole, whose phase rises as that of a zero falls.
 UNSTABLE = 0.4
-#: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. Of four, both
-#: signs are within the bound of twice as many machines.
+#: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. Of four,
+#: both signs are within the bound of twice as many machines.
 ROUNDS, FREEDOM = 5, 1.0
 #: Square of the distance from the likeliest reading up to which others are within the bound: odds of 500 to 1.
 FARTHEST = 2 * np.log(500.0)
@@ -60,6 +60,10 @@ class Reading:
     omega: np.ndarray
     G: np.ndarray
 
+    def __str__(self) -> str:
+        count = f"{self.n_integrators or 'no'} integrator{'s' * (self.n_integrators != 1)}"
+        return f"with {count} whose output {'rises' if self.sign > 0 else 'falls'} with its input"
+
 
 def read_below(
     omega: np.ndarray,
@@ -84,7 +88,9 @@ def read_below(
         away = np.angle(sign * np.exp(-1j * theta[1]))  # of alpha
         given_sign = theta + C[:, 1] / C[1, 1] * away
         slope, lag = float(given_sign[0]), float(first @ given_sign - given_sign[1])
-        lag += float(np.angle(sign * G[0] * np.exp(-1j * lag)))  # as the first line has it, by whole turns near the model
+        lag += float(
+            np.angle(sign * G[0] * np.exp(-1j * lag))
+        )  # as the first line has it, by whole turns near the model
         most = max(0, int(slope + np.sqrt(slope_variance * FARTHEST)))
         for n in range(most + 1) if n_integrators is None else [n_integrators]:
             distance = away**2 / C[1, 1] + max(0.0, n - slope) ** 2 / slope_variance

@@ -131,6 +131,7 @@ def design_loop(
             X=X,
         )
 
+    warn_of_rising_gain(family, dt)
     task = closer([basis.known_modes()])
     starts = starts_for(task, options)
     if not starts:  # of what an FRF may be below its first line the likeliest alone
@@ -157,6 +158,18 @@ def warn_of_ringing(filter_time: float | None, dt: float) -> None:
             DesignWarning,
             stacklevel=4,
         )
+
+
+def warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
+    """Warn of an FRF whose gain rises over its last lines: above them it is taken to be no larger than there."""
+    for at in family:
+        if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
+            warnings.warn(
+                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: a mode above them is not known, and "
+                "may make the loop unstable. Measure beyond it, or lower end_gain",
+                DesignWarning,
+                stacklevel=4,
+            )
 
 
 def best_filter(
@@ -471,8 +484,8 @@ def with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, op
     return replace(
         design,
         n_lines=n_lines,
-        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a mode that they "
-        f"do not show may miss {name} by a factor {worst:.3g}",
+        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a mode that "
+        f"they do not show may miss {name} by a factor {worst:.4g}",
     )
 
 

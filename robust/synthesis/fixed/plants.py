@@ -32,6 +32,8 @@ FAR, N_FAR = 1e5, 31
 #: Parts that the way between two lines is looked at in, and maxima of |S| and |T| that become lines: so much of the
 #: largest.
 PARTS, NEAR_PEAK = 8, 0.7
+#: The last lines of an FRF are those above its last one over this.
+LAST_LINES = 1.25
 #: Of the frequencies below the first line of an FRF every so many is a line of the demands.
 BELOW = 3
 
@@ -100,10 +102,25 @@ class PlantOnLines:
     open_readings: tuple[Reading, ...] = ()
 
     @property
+    def on_lines(self) -> np.ndarray:
+        """Return (W,) whether a frequency lies between the first line of an FRF and its last."""
+        return self.known & (self.omega >= self.lowest * (1 - 1e-12))
+
+    @property
     def measured(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return lines and response of an FRF, those between its first and its last."""
-        on = self.known & (self.omega >= self.lowest * (1 - 1e-12))
-        return self.omega[on], self.G[on]
+        """Return lines and response of an FRF."""
+        return self.omega[self.on_lines], self.G[self.on_lines]
+
+    @property
+    def rises_at_end(self) -> bool:
+        """Return whether |G| rises over the last lines of an FRF by more than their bound leaves open."""
+        (omega, G), radius = self.measured, self.radius[self.on_lines]
+        last = np.union1d(np.flatnonzero(omega > omega[-1] / LAST_LINES), np.arange(omega.size)[-4:])
+        x, y = np.log(omega[last]), np.log(np.abs(G[last]) + 1e-300)
+        x = x - x.mean()
+        error = radius[last] / np.abs(G[last])
+        slope, spread = x @ y / (x @ x), np.sqrt(np.sum((x * error) ** 2)) / (x @ x)
+        return bool(slope > spread + 1e-9)
 
     def held_for(self, readings: tuple[Reading, ...]) -> PlantOnLines:
         """Return it with these readings to be held for, and all others left open."""
@@ -274,7 +291,7 @@ def along_arcs(at: PlantOnLines) -> PlantOnLines:
     G is a straight line where an anti-resonance decides, 1/G where a mode does, so that G follows an arc through zero
     (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is largest on one of them.
     """
-    lines = np.flatnonzero(at.known & (at.omega >= at.lowest * (1 - 1e-12)))
+    lines = np.flatnonzero(at.on_lines)
     first, second, part = lines[:-1, None], lines[1:, None], np.arange(1, PARTS) / PARTS
 
     def paths(x: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from nlfrf._base.values import value
 from robust.analysis.robustness import check
 from robust.lti.connections import block_diagonal
 from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_grid
+from robust.lti.low_frequency import read_below
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
@@ -325,7 +326,8 @@ def check_sequential_stability(
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
-        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt)
+        readings = read_below(loop.omega, loop.G, loop.radius)
+        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
             return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]

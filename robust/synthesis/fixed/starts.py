@@ -87,7 +87,7 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
         if not clear:
             return (
                 Stability.UNDECIDED,
-                f"the lines{who} are too far apart, or end too early, to count how often 1 + L winds about zero",
+                f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L winds about zero",
             )
         if any(found != n_unstable + unstable_poles(K, dt) for found in turns):
             return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {turns[0]} times about zero"
@@ -97,23 +97,21 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
 def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> str:
     """Say what a plant may be below its first line that the loop is not known to be stable with; empty where nothing.
 
-    And what would decide: lower lines, or the word of the user.
+    And what would decide: lines at lower frequency, or the word of the user.
     """
+    wanted = n_unstable + unstable_poles(K, timebase(K))
     for at in family:
         if at.loop is not None or not at.open_readings:
             continue
-        dt = timebase(K)
-        turns, clear = windings(*at.measured, K=K, dt=dt, readings=at.open_readings)
-        wrong = [one for one, found in zip(at.open_readings, turns, strict=True) if found != n_unstable + unstable_poles(K, dt)]
-        if clear and not wrong:
-            continue
-        two = [f"{'y falls' if one.sign < 0 else 'y rises'} as u rises, {one.n_integrators} integrators" for one in (at.readings[0], (wrong or at.open_readings)[0])]
-        return (
-            f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF may be either of two plants "
-            f"({two[0]}; {two[1]}), and the loop is stable with the first only. Lines at lower frequency decide it (a "
-            "longer period, --period, with a lower --f-min); or state plant_integrators=, or positive=True where y rises "
-            "as u rises"
-        )
+        turns, clear = windings(*at.measured, K=K, dt=timebase(K), readings=at.open_readings)
+        open_ones = [one for one, found in zip(at.open_readings, turns, strict=True) if found != wanted or not clear]
+        if open_ones:
+            return (
+                f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF may be that of a "
+                f"plant {at.readings[0]}, or {open_ones[0]}, and the loop is known to be stable with the first only. "
+                "Lines at lower frequency decide it (a longer period, --period, and a lower --f-min); or state "
+                "plant_integrators=, or positive=True where y rises as u rises"
+            )
     return ""
 
 

@@ -60,9 +60,9 @@ class Design(Unpacked):
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan where they were not computed.
     stability : Stability or None
-        Of `design_frf`: whether every plant is stable with K, not decided where its FRF leaves that open; None elsewhere.
+        Of `design_frf`: whether every plant is stable with K; undecided where its FRF leaves that open. None elsewhere.
     n_lines : int
-        Lines of an FRF on which it is met (or gamma holds) where a mode between two of them may miss it; 0 where none may.
+        Lines of an FRF on which it is met, or gamma holds, where a mode between two may miss it; 0 where none may.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
 

@@ -119,7 +119,10 @@ class ModelledLoop:
 
     def lines_of_systems(self) -> np.ndarray:
         """Return frequencies [rad/s] around the poles and zeros of weights, bounds and set, folded below Nyquist."""
-        systems = [*self.plant.set_systems, *(part for one in self.channels if isinstance(one, Channel) for part in one.limit.systems)]
+        systems = [
+            *self.plant.set_systems,
+            *(part for one in self.channels if isinstance(one, Channel) for part in one.limit.systems),
+        ]
         roots = [to_s_plane(np.append(poles(one), zeros(one)), timebase(one)) for one in systems if one.nstates]
         s = np.concatenate([np.zeros(0, complex), *roots])
         found = np.concatenate([np.abs(s), mode_lines(s, (0.0, np.inf))])
@@ -607,7 +610,9 @@ class MeasuredLoop:
     def look_closely(self, loop: ClosedLines) -> dict[int, CloseLook]:
         """Return every limit on the lines of its band."""
         return {
-            channel.index: CloseLook(ratio=level, omega=omega, n_lines=int((self.band(channel) & self.plant.on_lines).sum()))
+            channel.index: CloseLook(
+                ratio=level, omega=omega, n_lines=int((self.band(channel) & self.plant.on_lines).sum())
+            )
             for channel, (level, omega, _) in zip(self.channels, self.raise_norms(loop).values(), strict=True)
         }
 

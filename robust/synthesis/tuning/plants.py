@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, TypeGuard
+from typing import Any, TypeAlias, TypeGuard
 
 import control
 import numpy as np
@@ -322,9 +322,9 @@ def see_measured(
     name: str, model: PlantModel, *, n_unstable: int, dt: float, delay: float, worst: bool
 ) -> MeasuredPlant:
     """Return an FRF on its lines."""
-    form, matrix = DEFAULT_FORM, is_matrix(model)
-    if matrix or isinstance(model, control.FrequencyResponseData):
-        data = frd(model) if matrix else model
+    form = DEFAULT_FORM
+    if is_matrix(model) or isinstance(model, control.FrequencyResponseData):
+        data: Any = model if isinstance(model, control.FrequencyResponseData) else frd(model)
         w, W = np.zeros(np.size(data.omega)), np.ones(np.size(data.omega))
         omega, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata)
     else:

@@ -341,8 +341,10 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
                     f"{channel.limit}, which is zero whatever the blocks are"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
-            if isinstance(scene, MeasuredLoop) and isinstance(channel, Channel) and not any(
-                scene.band(channel) & scene.plant.on_lines
+            if (
+                isinstance(scene, MeasuredLoop)
+                and isinstance(channel, Channel)
+                and not any(scene.band(channel) & scene.plant.on_lines)
             ):
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
