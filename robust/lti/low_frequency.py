@@ -24,8 +24,8 @@ from nlfrf._base.values import value
 
 #: How far above the first line [as a factor] an FRF is read, and the logarithmic width of what is averaged.
 READ_UP_TO, BIN = 30.0, 0.15
-#: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior: slope (around one), lags,
-#: modes, right-half-plane zeros, delay over the first line [rad], and what is free. On 2000 machines of
+#: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior: slope (around one),
+#: lags, modes, right-half-plane zeros, delay over the first line [rad], and what is free. On 2000 machines of
 #: benchmarks.attack_met alpha is then 0.1 rad off (median) and 0.7 (99 %), at most 2.8 of its standard deviations.
 SPACING, DAMPING = 0.5, (0.3, 0.1)
 SLOPE, LAGS, MODES, ZEROS, DELAY, FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3

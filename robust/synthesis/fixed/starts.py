@@ -87,7 +87,8 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
         if not clear:
             return (
                 Stability.UNDECIDED,
-                f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L winds about zero",
+                f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L "
+                "winds about zero",
             )
         if any(found != n_unstable + unstable_poles(K, dt) for found in turns):
             return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {turns[0]} times about zero"
