@@ -274,17 +274,17 @@ def design(
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=True)
+    undecided = result.stability is Stability.UNDECIDED
+    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=not undecided)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        say(f"{advice}\n{describe_limit_checks(plant, model, out)}".strip())
+        say(f"{advice}\n{describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    undecided = result.stability is Stability.UNDECIDED
     finish_command(result, result.met and not short, json, code=3 if undecided else 1)
 
 
@@ -776,7 +776,7 @@ def controller_file(controller: Path, out: Path | None, several: bool) -> Path |
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path) -> str:
+def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
     """Describe where the limits of a design from the FRF were tried, and the command that proves more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
@@ -789,7 +789,8 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
             f"prove it:    robust check {model_file} {controller}"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
-    tried = f"limits tried: on the {plant.omega.size} measured lines only, {first:.4g} to {last:.4g} Hz"
+    where = "lines and along the arcs between them" if between else "lines only"
+    tried = f"limits tried: on the {plant.omega.size} measured {where}, {first:.4g} to {last:.4g} Hz"
     if isinstance(plant, nlfrf.Bla):
         made = shlex.quote(f"{model.stem}-model.json")
         return (
@@ -798,10 +799,7 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
             f"prove it:    robust model {model_file} -o {made}; "
             f"robust check {made} {controller}"
         )
-    return (
-        f"{tried}, with the weight of {model} there; nothing is said between them\n"
-        f"prove it:    robust check {model_file} {controller}"
-    )
+    return f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file} {controller}"
 
 
 def require_demand(bandwidth: float | None, error: float) -> None:
