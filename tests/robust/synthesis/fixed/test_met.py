@@ -97,7 +97,7 @@ def test_integrators_that_are_given():
 
 
 def test_a_mode_between_two_lines_is_no_proof():
-    """The phase turns by 99 degrees from line to line, and the true |S| is 2.3 between them: 1.6 was met, and no more."""
+    """The phase turns by 99 degrees from line to line, and the true |S| is 2.3 between them, where 1.6 is asked for."""
     omega = np.geomspace(0.3, 30, 100)
     k = np.argmin(np.abs(omega - 5))
     w = np.sqrt(omega[k] * omega[k + 1])
