@@ -33,9 +33,9 @@ SLOPE, LAGS, MODES, ZEROS, DELAY, FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
 LEFT_OVER = 0.05
 #: Of each unstable pole, whose phase rises as that of a zero falls.
 UNSTABLE = 0.4
-#: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. Of four,
-#: both signs are within the bound of twice as many machines.
-ROUNDS, FREEDOM = 5, 1.0
+#: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. After 15
+#: both signs are within the bound of 4 of 500 of those machines, after 5 of 17.
+ROUNDS, FREEDOM = 15, 1.0
 #: Square of the distance from the likeliest reading up to which others are within the bound: odds of 500 to 1.
 FARTHEST = 2 * np.log(500.0)
 DECADES_BELOW, POINTS_BELOW = 5.0, 160
@@ -101,6 +101,11 @@ def read_below(
     nearest = min(distance for distance, _, _ in found)
     within = [one for one in found if one[0] <= nearest + FARTHEST]
     return tuple(reading for _, _, reading in sorted(within, key=lambda one: one[1]))
+
+
+def radius_below(omega: np.ndarray, w: np.ndarray) -> float:
+    """Return the relative radius below the first line: the least of the first lines, as one may scatter low."""
+    return float(w[omega <= omega[0] * np.exp(BIN)].min())
 
 
 def average_lines(

@@ -17,7 +17,7 @@ from robust._base.channels import is_known_on_lines
 from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
-from robust.lti.low_frequency import Reading, read_below
+from robust.lti.low_frequency import Reading, radius_below, read_below
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import integrator_poles
@@ -213,8 +213,8 @@ def measured_lines(
         )
     low = right[0]
     omega, G = np.concatenate([low.omega[::BELOW], omega]), np.concatenate([low.G[::BELOW], G])
-    below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
-    w = np.concatenate([w[0] * below, w])
+    size = np.ones(omega.size) if FORMS[form].vanishes_with_plant else np.abs(G)
+    w = np.concatenate([radius_below(omega[-n:], w / size[-n:]) * size[:-n], w])
     above = omega[-1] * np.geomspace(1.2, 100, 14)
     above = above[above * dt < 0.99 * np.pi]
     on_lines = np.arange(omega.size + above.size) < omega.size

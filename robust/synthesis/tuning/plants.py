@@ -17,7 +17,7 @@ from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
-from robust.lti.low_frequency import Reading, read_below
+from robust.lti.low_frequency import Reading, radius_below, read_below
 from robust.lti.lti import one_sampling_time, response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
@@ -349,9 +349,9 @@ def see_measured(
     readings = read_below(omega, ours, radius, n_unstable=n_unstable)
     low, n = readings[0], readings[0].omega.size
     ours = np.concatenate([low.G, ours])
-    measured, w, W = (np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], w, W))
-    if not FORMS[form].vanishes_with_plant:
-        w = w * np.where(np.arange(ours.size) < n, np.abs(ours / ours[n]), 1.0)
+    measured, W = (np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W))
+    size = np.ones(ours.size) if FORMS[form].vanishes_with_plant else np.abs(ours)
+    w = np.concatenate([radius_below(omega, np.abs(w) / size[n:]) * size[:n], w])
     perturbation = disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
     return MeasuredPlant(
         omega=np.concatenate([low.omega, omega]),
