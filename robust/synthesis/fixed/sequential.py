@@ -18,6 +18,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, require_nonnegative
 from nlfrf._base.values import value
+from robust._base.states import Stability
 from robust.analysis.robustness import check
 from robust.lti.connections import block_diagonal
 from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_grid
@@ -142,12 +143,17 @@ def close_in_turn(
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
         "designed again where it fell short"
     )
+    n_lines = max(loop.n_lines for loop in loops)
+    text += f"; each met on {n_lines} lines, between two of which a mode may miss it" * (n_lines > 0)
+    undecided = any(loop.stability is Stability.UNDECIDED for loop in loops)
     return Design(
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
         reason="; ".join(bad) or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
         history=tuple(history),
+        stability=Stability.UNDECIDED if undecided else None if whole else Stability.STABLE,
+        n_lines=n_lines,
     )
 
 

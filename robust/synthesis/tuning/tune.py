@@ -412,7 +412,7 @@ def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> 
                 raise ValueError(
                     f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
                     f"{scene.index}) whose lines leave it open at the start of the blocks. Measure more finely around "
-                    "its modes, fit a model, or start with smaller gains"
+                    "its modes, or at lower frequency, fit a model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(

@@ -59,7 +59,7 @@ def test_an_unstable_pole(sign):
 
 
 def test_random_machines_are_among_their_readings():
-    """Of 1000 each is, and the first sign is never wrong; 26 of them leave it open."""
+    """Of 2000 each is, and the first sign is wrong of one; 24 of them leave it open."""
     undecided = 0
     for seed in range(3000, 3120):
         task = random_task(seed)
@@ -68,4 +68,4 @@ def test_random_machines_are_among_their_readings():
         assert (task["n_integrators"], task["sign"]) in found
         assert found[0][1] == task["sign"]
         undecided += len({sign for _, sign in found}) == 2
-    assert undecided <= 12
+    assert undecided <= 6
