@@ -90,8 +90,8 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
                 f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L "
                 "winds about zero",
             )
-        if any(found != n_unstable + unstable_poles(K, dt) for found in turns):
-            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {turns[0]} times about zero"
+        if wrong := [found for found in turns if found != n_unstable + unstable_poles(K, dt)]:
+            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {wrong[0]} times about zero"
     return Stability.STABLE, ""
 
 

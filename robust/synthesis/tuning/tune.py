@@ -505,17 +505,19 @@ def make_design(
     return replace(found_design, met=found_design.met and not broken, broken_sets=broken)
 
 
-def find_broken_sets(design: TunedDesign) -> tuple[int, ...]:
-    """Return the plants whose set is not stable with the controller as a whole, by `worst_case`."""
-    names = design.plant.inputs, design.plant.outputs
-    K = design.controller(names[1], names[0])
-    return tuple(
-        k
-        for k, model in enumerate(design.plant.models)
-        if isinstance(model, UncertaintyModel)
-        and not model.measured_only
-        and not worst_case(model, K, delay=design.delay).stable
-    )
+def find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
+    """Say of which plants the set is not stable with the controller as a whole, by `worst_case`."""
+    K = design.controller(design.plant.outputs, design.plant.inputs)
+    found = []
+    for k, model in enumerate(design.plant.models):
+        if not isinstance(model, UncertaintyModel) or model.measured_only:
+            continue
+        try:
+            stable, why = worst_case(model, K, delay=design.delay).stable, "a plant of its set makes the loop unstable"
+        except ValueError as error:  # the nominal loop cannot be told from one on the boundary
+            stable, why = False, str(error)
+        found += [] if stable else [f"plant {k}: {why}"]
+    return tuple(found)
 
 
 def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:

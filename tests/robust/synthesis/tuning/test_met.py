@@ -121,8 +121,8 @@ def test_a_set_that_worst_case_finds_unstable_is_not_met(monkeypatch):
     monkeypatch.setattr("robust.synthesis.tuning.loops.ModelledLoop.perturbation", zero_perturbation)
     design = robust.tune([ERROR], Plants(wide, inputs="u", outputs="y"), {"K": pi()}, **asked)
     assert not design.met
-    assert design.broken_sets == (0,)
-    assert "with a plant of the set of plant 0 the loop is unstable" in design.reason
+    assert design.broken_sets == ("plant 0: a plant of its set makes the loop unstable",)
+    assert design.broken_sets[0] in design.reason
 
 
 def zero_perturbation(self, true):
