@@ -47,6 +47,7 @@ COMMANDS = (
     "sound_records --records 15",
     "bench_screening --records 200",
     "attack_design_frf --designs 60",
+    "attack_met --designs 60 --tunings 10",
     "attack_best_gain --plants 30",
     "tuning",
     "attack_tune --designs 60",

@@ -38,7 +38,7 @@ from nlfrf._base.files import (
     require_writable,
     write_text,
 )
-from robust._base.states import FrictionVerdict
+from robust._base.states import FrictionVerdict, Stability
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
 certificates, models, measured, pid, sampling, from_options, to_prove, prover, drive_check, shaping_page, gains_file = (
@@ -233,6 +233,9 @@ def design(
     filter_time: Annotated[
         float | None, typer.Option(help="Time constant of the derivative filter [s]; chosen when not given (pid).")
     ] = None,
+    plant_integrators: Annotated[
+        int | None, typer.Option(help="Integrators of the plant; read from the FRF when not given (pid).")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     peak_t: Annotated[float | None, typer.Option(help="Largest |T| allowed (pid).")] = None,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
@@ -240,14 +243,20 @@ def design(
 ) -> None:
     """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure.
 
-    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
+    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same; 3
+    where the FRF leaves open whether the loop is stable, with what would decide it.
     """
     json_path(out)
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
-    for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t)):
-        if given and method != "pid":
+    for option, given in (
+        ("positive", positive_gains),
+        ("filter-time", filter_time),
+        ("peak-t", peak_t),
+        ("plant-integrators", plant_integrators),
+    ):
+        if given is not None and given is not False and method != "pid":
             raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
@@ -264,8 +273,9 @@ def design(
                 dt=sample_time,
                 delay=delay,
                 filter_time=filter_time,
+                plant_integrators=plant_integrators,
             )
-        words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
+        words = f"{result.limits_in_words}; {result.reason}"
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
     else:
         with spinner("designing"):
@@ -278,17 +288,18 @@ def design(
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=True)
+    undecided = result.stability is Stability.UNDECIDED
+    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=not undecided)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        say(f"{advice}\n{describe_limit_checks(plant, model, out)}".strip())
+        say(f"{advice}\n{describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    finish_command(result, result.met and not short, json)
+    finish_command(result, result.met and not short, json, code=3 if undecided else 1)
 
 
 @app.command()
@@ -783,7 +794,7 @@ def controller_file(controller: Path, out: Path | None, several: bool) -> Path |
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path) -> str:
+def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
     """Describe where the limits of a design from the FRF were tried, and the command that proves more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
@@ -796,7 +807,8 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
             f"prove it:    robust check {model_file} {controller}"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
-    tried = f"limits tried: on the {plant.omega.size} measured lines only, {first:.4g} to {last:.4g} Hz"
+    where = "lines and along the arcs between them" if between else "lines only"
+    tried = f"limits tried: on the {plant.omega.size} measured {where}, {first:.4g} to {last:.4g} Hz"
     if isinstance(plant, nlfrf.Bla):
         made = shlex.quote(f"{model.stem}-model.json")
         return (
@@ -805,10 +817,7 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
             f"prove it:    robust model {model_file} -o {made}; "
             f"robust check {made} {controller}"
         )
-    return (
-        f"{tried}, with the weight of {model} there; nothing is said between them\n"
-        f"prove it:    robust check {model_file} {controller}"
-    )
+    return f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file} {controller}"
 
 
 def require_demand(bandwidth: float | None, error: float) -> None:

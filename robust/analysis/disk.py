@@ -22,6 +22,7 @@ from nlfrf._base.values import value
 from robust._base.types import AnySystem, Controller
 from robust.lti.connections import block_diagonal, lower_lft, require_shape
 from robust.lti.grids import structure_grid
+from robust.lti.low_frequency import read_below
 from robust.lti.lti import (
     common_sampling_time,
     is_constant,
@@ -378,10 +379,12 @@ def sensitivity_if_stable(
     unit = balancing_scales(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     static = control.StateSpace([], [], [], 1.0, 0)
-    turns, clear = winding_number(omega, np.linalg.det(difference) - 1, K=static, dt=0.0)
+    whole = np.linalg.det(difference) - 1
+    readings = read_below(omega, whole, n_unstable=n_unstable)
+    turns, clear = winding_number(omega, whole, K=static, dt=0.0, readings=readings)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
-        return S, "the lines are too far apart, or end too early, to tell whether the loop is stable"
+        return S, "the lines are too far apart, or end too early or begin too late, to tell whether the loop is stable"
     if turns != n_unstable:
         return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
     return S, ""

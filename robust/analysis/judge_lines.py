@@ -15,9 +15,11 @@ from robust.analysis.curves import Curves, loop_curves, margins_on_lines
 from robust.analysis.findings import Effort, Findings, Given, Margins, Proofs, decide_verdict
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.grids import controller_mode_lines, interpolate_frf
+from robust.lti.low_frequency import read_below
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
+from robust.models.sets.forms import plant_numerator
 from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_delay_factor, origin_of, parts_on_lines
 
 
@@ -127,7 +129,10 @@ def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
 def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     """Return what is found of a loop on the lines of its FRF; nothing of it is a proof, whatever the effort."""
     omega, K, dt = loop.omega, loop.K, loop.dt
-    encirclements, clear = winding_number(omega, loop.with_hold_and_delay(omega, loop.G), K=K, dt=dt)
+    G = loop.with_hold_and_delay(omega, loop.G)
+    radius = np.abs(plant_numerator(loop.form, np.nan_to_num(loop.w), G=G, W=loop.W * loop.G / G))
+    readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
+    encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
     met = Stability.STABLE if encirclements == wanted else Stability.UNSTABLE
     nominal, has_set = met if clear else Stability.UNDECIDED, bool(np.isfinite(loop.curves.w).all())

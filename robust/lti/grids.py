@@ -83,7 +83,11 @@ def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> n
 
     An FRF says nothing between its lines, a controller is known there: a resonance of its own must not fall between.
     """
-    s = to_s_plane(poles(K), timebase(K))
+    return mode_lines(to_s_plane(poles(K), timebase(K)), band)
+
+
+def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:
+    """Frequencies [rad/s] of a band around every lightly damped one of some roots in s."""
     s = s[np.isfinite(s) & (np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     found = [np.zeros(0)]
     for mode in s:

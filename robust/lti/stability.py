@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import control
 import numpy as np
 from scipy.linalg import eig
@@ -9,6 +11,7 @@ from scipy.linalg import eig
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust.lti.grids import controller_mode_lines, interpolate_frf
+from robust.lti.low_frequency import Reading, read_below
 from robust.lti.lti import balance_matrix, poles, response, timebase, to_s_plane
 from robust.lti.norms import EPS, crossings
 
@@ -154,8 +157,6 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
 
 #: Phase that a plant may turn from line to line where |L| is above the second number.
 LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
-#: How far the phase of the first line may be from that of the integrators seen there [rad].
-MAX_PHASE_OFFSET = 1.2
 
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
@@ -169,14 +170,25 @@ def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
     return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
 
-def winding_number(omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float) -> tuple[int, bool]:
-    """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
-    n = slope_at_start(omega, G)
+def winding_number(
+    omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading] = ()
+) -> tuple[int, bool]:
+    """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether lines and readings decide it.
+
+    readings: of the plant below its first line, the likeliest first; those of the FRF without a bound if not given.
+    """
+    turns, clear = windings(omega, G, K=K, dt=dt, readings=readings or read_below(omega, G))
+    return turns[0], clear and len(set(turns)) == 1
+
+
+def windings(
+    omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading]
+) -> tuple[tuple[int, ...], bool]:
+    """Return the winding number of every reading of a plant below its first line, and whether the lines resolve it."""
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > SMALL_LOOP
     trusted = not np.any(jump & (large[1:] | large[:-1])) and passes_clear_of_minus_one(L)
-    trusted &= shows_integrators(omega, G, n)
     # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
     trusted &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
     trusted &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
@@ -184,12 +196,16 @@ def winding_number(omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, d
         K, (omega[-1], np.pi / dt if dt else np.inf)
     )  # where the plant is no larger than at the end
     trusted &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
-    omega, G = extend_below(omega, G, n=n)
-    more = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1])))
-    omega, G = more, interpolate_frf(more, omega, G)
-    F = 1 + G * response(K, omega)
-    turns, clear = count_half_turns(F, n + integrator_poles(K, dt))
-    return round(float(turns)), bool(clear and trusted and is_resolved(F, np.log(omega)))
+    whole = np.concatenate([readings[0].omega, omega])
+    at = np.union1d(whole, controller_mode_lines(K, (whole[0], whole[-1])))
+    k, n_K = response(K, at), integrator_poles(K, dt)
+    turns = []
+    for reading in readings:
+        F = 1 + interpolate_frf(at, whole, np.concatenate([reading.G, G])) * k
+        found, clear = count_half_turns(F, reading.n_integrators + n_K)
+        turns.append(round(float(found)))
+        trusted &= bool(clear and is_resolved(F, np.log(at)))
+    return tuple(turns), bool(trusted)
 
 
 def passes_clear_of_minus_one(L: np.ndarray) -> bool:
@@ -206,57 +222,6 @@ def passes_clear_of_minus_one(L: np.ndarray) -> bool:
     outer = ends.max(axis=0) / np.where(turn < 0, np.maximum(arc, 1e-9), 1.0)
     inner = ends.min(axis=0) * np.where(turn < 0, 1.0, arc)
     return bool(np.all(~across | (outer < 1) | (inner > 1)))
-
-
-def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
-    """Integrators that an FRF shows over its first lines: its slope there in decades per decade, rounded.
-
-    Where the first lines lie far apart and the slope grows from one to the next, it is less at zero: rounded down.
-    """
-    near = np.flatnonzero(omega <= 1.6 * omega[0])
-    if near.size < 3 and omega.size >= 3:
-        first_slope, next_slope = initial_slopes(omega, G)
-        if next_slope > first_slope:
-            return max(0, int(np.floor(first_slope + 0.1)))
-    near = near if near.size >= 3 else np.arange(min(3, omega.size))
-    if near.size < 2:
-        return 0
-    return max(0, round(-float(np.polyfit(np.log(omega[near]), np.log(np.abs(G[near]) + 1e-300), 1)[0])))
-
-
-def initial_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
-    """Return how steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
-    slopes = -np.diff(np.log(np.abs(G[:3]) + 1e-300)) / np.diff(np.log(omega[:3]))
-    return float(slopes[0]), float(slopes[1])
-
-
-def shows_integrators(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
-    """Return whether the first lines show n integrators: by a phase near theirs, and by a slope that stays."""
-    if abs(phase_offset(G[0], n)) > MAX_PHASE_OFFSET:
-        return False
-    if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
-        return True
-    first_slope, next_slope = initial_slopes(omega, G)
-    return abs(next_slope - first_slope) < 0.5
-
-
-def phase_offset(first: complex, n: int) -> float:
-    """Phase [rad] of the first line from the nearest that n integrators, of either sign, can have."""
-    away = float(np.angle(first * 1j**n))
-    return away if abs(away) <= np.pi / 2 else float(np.angle(-first * 1j**n))
-
-
-def extend_below(
-    omega: np.ndarray, G: np.ndarray, *, n: int, decades: float = 5.0, points: int = 160
-) -> tuple[np.ndarray, np.ndarray]:
-    """An FRF carried on below its first line as n integrators with the gain it has there, for the winding number.
-
-    The controller is known there, and may have its corners there; the phase of the plant goes to the nearest that n
-    integrators can have, in proportion to frequency.
-    """
-    low = omega[0] * np.geomspace(10**-decades, 1, points + 1)[:-1]
-    added = G[0] * (omega[0] / low) ** n * np.exp(1j * phase_offset(G[0], n) * (low / omega[0] - 1))
-    return np.concatenate([low, omega]), np.concatenate([added, G])
 
 
 def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -426,6 +426,22 @@ def test_units_and_clocks_are_named(robust_command, command, message):
     assert message in err
 
 
+def test_a_plant_that_may_be_two_is_not_decided(robust_command):
+    """Five lines with discs of 0.9 of the plant leave its sign open: exit code 3, and no rows for a PLC."""
+    f = np.geomspace(0.5, 1.5, 5)
+    G = control.tf([100], [1, 17, 0])(2j * np.pi * f)
+    save(nlfrf.bla_from_frf(f, G * (1 + 0.2j), std=0.55 * np.abs(G)), "open.npz")
+    code, out, _ = robust_command("design open.npz --method pid --structure P --peak 4 -o K.json")
+    assert code == 3
+    assert "STABILITY NOT DECIDED; stability not decided: below its first line at 0.5 Hz" in out
+    assert "TwinCAT" not in out
+    code, out, _ = robust_command("design open.npz --method pid --structure P --peak 4 -o K.json --json")
+    assert (code, json.loads(out)["stability"]) == (3, "undecided")
+    code, _, err = robust_command("design m.json --plant-integrators 0 --bandwidth 3 -o K.json")
+    assert code == 2
+    assert "plant-integrators must be asked of --method pid" in err
+
+
 def test_limits_that_are_not_met_are_not_called_held(robust_command):
     code, out, _ = robust_command("design bla.npz --method pid --peak 0.9 --sample-time 0.001 -o K.json")
     assert code == 1

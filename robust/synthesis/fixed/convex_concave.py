@@ -64,7 +64,8 @@ class DesignTask:
         if self.objective is not None:
             return float(self.objective.measure(*self.split(theta)).max())
         Y0, X0 = self.basis.zero_frequency()
-        return -abs(float(X0 @ theta)) / (abs(float(Y0 @ theta)) + 1e-9 * float(np.abs(Y0 * theta).sum()))
+        size = abs(float(Y0 @ theta)) + 1e-9 * float(np.abs(Y0 * theta).sum())
+        return -abs(float(X0 @ theta)) / size if size else np.inf  # a step that ends without a denominator
 
     def merit(self, theta: np.ndarray) -> tuple[float, float]:
         """Demands first, then the goal."""

@@ -41,6 +41,7 @@ def design_frf(
     start: Controller | list[Controller | None] | None = None,
     n_starts: int = 1,
     n_unstable: int = 0,
+    plant_integrators: int | None = None,
     prove: Proved | None = None,
     n_iterations: int = 60,
     progress: Callable[[int, float], object] | None = None,
@@ -55,7 +56,7 @@ def design_frf(
     ----------
     plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them
         An FRF is known on its lines only, and interpolated between two of them where the controller has a mode; below
-        the first one it is taken to go on as its slope says (flat, or as integrators). A list is a family: one
+        the first one it goes on as gain and phase of its first lines say. A list is a family: one
         controller for all. Discs of a Bla or model are part of every demand: it holds for each plant in them. Of a
         matrix, as many inputs as outputs, the controller is diagonal: input k by output k, one loop after the other
         with those before it closed. Then each is judged with all others closed, and designed again where it misses a
@@ -101,6 +102,10 @@ def design_frf(
         How many of the controllers that evolved are followed, with a simple one; more take longer and may end better.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
+    plant_integrators : int, optional
+        Integrators of a plant that is an FRF. When not given they are read, with the sign of the plant, from slope and
+        phase of its first lines; where more than one reading lies within their bound the design has to hold for each,
+        else its stability is not decided.
     prove : FrictionClass or (FrictionPlant, AnyFriction), optional
         Whose friction, every one of the class, the loop must be proved to come to rest with: the gain is lowered until
         it is, and all else is judged again there.
@@ -161,9 +166,11 @@ def design_frf(
         "filter_time": filter_time,
         "stable": stable,
         "positive": positive,
+        "y_rises": positive,
         "start": start,
         "n_starts": n_starts,
         "n_unstable": n_unstable,
+        "plant_integrators": plant_integrators,
         "prove": prove,
         "n_iterations": n_iterations,
         "progress": progress,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 import control
 import numpy as np
@@ -29,6 +30,7 @@ from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.assumed_class import FrictionClass, machines_of
+from robust.lti.low_frequency import read_below
 from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
@@ -36,8 +38,16 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
-from robust.synthesis.fixed.plants import DesignPlant, DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
-from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
+from robust.synthesis.fixed.plants import (
+    DesignPlant,
+    DiscsOnLines,
+    KnownPlant,
+    PlantOnLines,
+    along_arcs,
+    plant_on_lines,
+    stacked_plants,
+)
+from robust.synthesis.fixed.starts import describe_open_reading, find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
     FASTEST,
     FASTEST_SAMPLED,
@@ -89,8 +99,9 @@ def design_loop(
     named = [*per_demand_list("omega_c", options["omega_c"]), *per_demand_list("gain", options["gain"])[:1]]
     wanted = tuple(require_real("omega_c", w) for w in named)
     sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
-    look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes)
     end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive"]
+    known = what_is_known(options, n_unstable)
+    look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes, known=known)
     family = [look(p) for p in plants]
     basis = structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
@@ -120,17 +131,21 @@ def design_loop(
             X=X,
         )
 
+    warn_of_rising_gain(family, dt)
     task = closer([basis.known_modes()])
-    start = options["start"]
-    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], PROVED_STARTS)
-    starts = [check_start(task, start)] if start is not None else search_starts(task, n_starts)
+    starts = starts_for(task, options)
+    if not starts:  # of what an FRF may be below its first line the likeliest alone
+        family = [at.held_for(at.readings[:1]) for at in family]
+        task = closer([basis.known_modes()])
+        starts = starts_for(task, options) or refuse_without_start(task, options["start"])
     follow = partial(iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
     else:  # the best controller may be one of which no gain is proved, and another one is
         each = [follow(task, [one]) for one in starts]
         theta, history, why = best_proved(task, each, prove=options["prove"], delay=delay)
-    return evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+    found = evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+    return with_lines_named(found, family, aim=aim, options=options) if found.met else found
 
 
 def warn_of_ringing(filter_time: float | None, dt: float) -> None:
@@ -143,6 +158,18 @@ def warn_of_ringing(filter_time: float | None, dt: float) -> None:
             DesignWarning,
             stacklevel=4,
         )
+
+
+def warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
+    """Warn of an FRF whose gain rises over its last lines: above them it is taken to be no larger than there."""
+    for at in family:
+        if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
+            warnings.warn(
+                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: a mode above them is not known, and "
+                "may make the loop unstable. Measure beyond it, or lower end_gain",
+                DesignWarning,
+                stacklevel=4,
+            )
 
 
 def best_filter(
@@ -283,29 +310,43 @@ def split_demands(
     )
     if aim == "gain":
         rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)
-        if not rows:
+        if not rows and family:
             raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
     return aim, objective_row(at, w_P, w_T, w_u), rows + end_row(family, at, end_gain)
 
 
-def check_start(task: DesignTask, start: Controller) -> np.ndarray:
-    """Return the parameters of a controller that was given to start from, or a refusal."""
+def what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
+    """Return what the user says of an FRF: positive gains are those of a stable plant whose y rises as u rises."""
+    n = options["plant_integrators"]
+    n = None if n is None else require_integer("plant_integrators", n, least=0)
+    return KnownPlant(n_unstable=n_unstable, n_integrators=n, sign=1 if options["y_rises"] and not n_unstable else None)
+
+
+def starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
+    """Return the parameters of controllers that stabilise the plant, given or found; none where there are none."""
+    if options["start"] is not None:
+        return check_start(task, options["start"])
+    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], PROVED_STARTS)
+    return search_starts(task, n_starts)
+
+
+def check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
+    """Return the parameters of a controller that was given to start from; none where it does not stabilise."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
-    state, why = loops_stable(K, task.family, task.n_unstable)
-    if state is not Stability.STABLE:
-        raise ValueError(f"start must stabilise the plant, got one with which {why}")
+    if loops_stable(K, task.family, task.n_unstable)[0] is not Stability.STABLE:
+        return []
     if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
         raise ValueError("start must have gains that are all positive, got one that is negative")
     if task.stable and unstable_poles(K, task.basis.dt):
         raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
-    return theta
+    return [theta]
 
 
 def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
-    """Return n_starts controllers that stabilise and a simple one, or a refusal where there is none."""
+    """Return n_starts controllers that stabilise and a simple one; none where there are none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
-    starts = find_start(
+    return find_start(
         task.basis,
         task.family,
         at=task.at,
@@ -316,25 +357,29 @@ def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
         positive=task.positive,
         wanted=n_starts,
     )
-    if not starts and task.positive:
-        raise ValueError(
-            f"positive must be left out: no simple {task.basis.structure.name} of positive gains was found that "
-            "stabilises the plant. Where y falls as u rises, change the sign of one of them"
-        )
-    if not starts:
-        plants = "every plant" if len(task.family) > 1 else "the plant"
-        gaps = [gap for at in task.family if (gap := describe_phase_gap(at))]
-        because = gaps[0] if gaps else "Or take a structure of higher order"
-        raise ValueError(
-            f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
-            f"{plants}. {because}"
-        )
-    return starts
+
+
+def refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn:
+    """Refuse a task without a controller to begin from."""
+    if start is not None:
+        K = task.basis.controller(start_from_controller(task.basis, start, task.at))
+        why = loops_stable(K, task.family, task.n_unstable)[1]
+        raise ValueError(f"start must stabilise the plant, got one with which {why}")
+    plants = "every plant" if len(task.family) > 1 else "the plant"
+    gains = " of positive gains" if task.positive else ""
+    gaps = [gap for at in task.family if (gap := describe_phase_gap(at))]
+    because = gaps[0] if gaps else "Or take a structure of higher order"
+    if task.positive and all(read_below(*at.measured)[0].sign < 0 for at in task.family):
+        because = "Its phase says that y falls as u rises: change the sign of one of them"
+    raise ValueError(
+        f"{'positive' if task.positive else 'start'} must be {'left out' if task.positive else 'given'}: no simple "
+        f"{task.basis.structure.name} controller{gains} was found that stabilises {plants}. {because}"
+    )
 
 
 def describe_phase_gap(at: PlantOnLines) -> str:
     """Say where two lines of an FRF lie too far apart for a winding number, at the largest |G|; empty where none do."""
-    omega, G = at.omega[at.known], at.G[at.known]
+    omega, G = at.measured
     turn = np.abs(np.angle(G[1:] / G[:-1]))
     gaps = np.flatnonzero(turn > LARGEST_JUMP)
     if at.loop is not None or not gaps.size:
@@ -394,7 +439,7 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
     if task.gamma is not None:
         gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if state is Stability.UNSTABLE else np.nan
     if not good:
-        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history)
+        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history, stability=state)
     failed = []
     for row in task.rows:
         v = row.measure(ones, k)
@@ -403,16 +448,44 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
     failed.sort(reverse=True)
     text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
     reason = f"not found: {text} ({why})" if failed else why
+    if undecided := describe_open_reading(K, task.family, task.n_unstable):
+        state, reason = Stability.UNDECIDED, f"{undecided}; {reason}"
     crossovers, peak_S, peak_T = describe_loop(task, K)
     return Design(
         K=K,
         gamma=gamma,
-        met=not failed,
+        met=not failed and state is Stability.STABLE,
         reason=reason,
+        stability=state,
         history=history,
         crossovers=crossovers,
         peak_S=peak_S,
         peak_T=peak_T,
+    )
+
+
+def with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions) -> Design:
+    """Return a design that is met, with the lines named on which it is where a mode between two of them may miss it."""
+    paths = [along_arcs(at) for at in family if at.loop is None]
+    if not paths:
+        return design
+    at = stacked_plants(paths)
+    _, gamma, rows = split_demands([], at, aim=aim, options={**options, "omega_c": None, "gain": None}, end_gain=1.0)
+    missed = [(row, 1.0) for row in rows] + ([] if gamma is None else [(gamma, design.gamma)])
+    k = response(design.K, at.omega)
+    worst, name, where = 0.0, "", 0.0
+    for row, most in missed:
+        v = row.measure(np.ones(k.size, complex), k) / most
+        if v.max() > worst:
+            worst, name, where = float(v.max()), row.name, float(at.omega[row.index[v.argmax()]])
+    if worst <= 1 + LIMIT_TOLERANCE:
+        return design
+    n_lines = sum(one.measured[0].size for one in family if one.loop is None)
+    return replace(
+        design,
+        n_lines=n_lines,
+        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a mode that "
+        f"they do not show may miss {name} by a factor {worst:.4g}",
     )
 
 

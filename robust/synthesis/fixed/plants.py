@@ -17,9 +17,10 @@ from robust._base.channels import is_known_on_lines
 from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
+from robust.lti.low_frequency import Reading, radius_below, read_below
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import extend_below, integrator_poles, slope_at_start
+from robust.lti.stability import integrator_poles
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
 from robust.models.sets.measured import FrfSource, hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
@@ -28,6 +29,13 @@ from robust.models.sets.model import UncertaintyModel
 LARGEST_DISC = 0.98
 #: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.
 FAR, N_FAR = 1e5, 31
+#: Parts that the way between two lines is looked at in, and maxima of |S| and |T| that become lines: so much of the
+#: largest.
+PARTS, NEAR_PEAK = 8, 0.7
+#: The last lines of an FRF are those above its last one over this.
+LAST_LINES = 1.25
+#: Of the frequencies below the first line of an FRF every so many is a line of the demands.
+BELOW = 3
 
 
 @value
@@ -68,7 +76,10 @@ class PlantOnLines:
     loop : Loop or None
         The parametric plant, where there is one: then stability is a matter of poles.
     n_integrators : int
-        Integrators of the plant; of an FRF by the slope of its first lines.
+        Integrators of a parametric plant.
+    readings, open_readings : tuple of Reading
+        What an FRF may be below its first line, the likeliest first: those that the design holds for, and others within
+        the bound, for which it is not known to.
     known : (W,) ndarray of bool
         False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
     lowest, highest : float
@@ -87,6 +98,43 @@ class PlantOnLines:
     known: np.ndarray
     lowest: float
     highest: float
+    readings: tuple[Reading, ...] = ()
+    open_readings: tuple[Reading, ...] = ()
+
+    @property
+    def on_lines(self) -> np.ndarray:
+        """Return (W,) whether a frequency lies between the first line of an FRF and its last."""
+        return self.known & (self.omega >= self.lowest * (1 - 1e-12))
+
+    @property
+    def measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return lines and response of an FRF."""
+        return self.omega[self.on_lines], self.G[self.on_lines]
+
+    @property
+    def rises_at_end(self) -> bool:
+        """Return whether |G| rises over the last lines of an FRF by more than their bound leaves open."""
+        (omega, G), radius = self.measured, self.radius[self.on_lines]
+        last = np.union1d(np.flatnonzero(omega > omega[-1] / LAST_LINES), np.arange(omega.size)[-4:])
+        x, y = np.log(omega[last]), np.log(np.abs(G[last]) + 1e-300)
+        x = x - x.mean()
+        error = radius[last] / np.abs(G[last])
+        slope, spread = x @ y / (x @ x), np.sqrt(np.sum((x * error) ** 2)) / (x @ x)
+        return bool(slope > spread + 1e-9)
+
+    def held_for(self, readings: tuple[Reading, ...]) -> PlantOnLines:
+        """Return it with these readings to be held for, and all others left open."""
+        left = tuple(one for one in self.readings + self.open_readings if one not in readings)
+        return replace(self, readings=readings, open_readings=left)
+
+
+@value
+class KnownPlant:
+    """What the user knows of an FRF: its unstable poles, its integrators and its sign; None where it is to be read."""
+
+    n_unstable: int = 0
+    n_integrators: int | None = None
+    sign: int | None = None
 
 
 #: What a controller is designed for.
@@ -99,6 +147,7 @@ def plant_on_lines(
     delay: float,
     extra: tuple[float, ...],
     weights: tuple[object, ...],
+    known: KnownPlant = KnownPlant(),  # noqa: B008
     K: Sequence[control.StateSpace] = (),
 ) -> PlantOnLines:
     """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
@@ -106,7 +155,7 @@ def plant_on_lines(
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
     if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
-        return measured_lines(plant, dt, delay, K)
+        return measured_lines(plant, dt, delay, known, K)
     return modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
 
 
@@ -143,7 +192,7 @@ def with_discs(
 
 
 def measured_lines(
-    plant: FrfSource | DiscsOnLines, dt: float, delay: float, K: Sequence[control.StateSpace]
+    plant: FrfSource | DiscsOnLines, dt: float, delay: float, known: KnownPlant, K: Sequence[control.StateSpace]
 ) -> PlantOnLines:
     """Return an FRF, carried on below its first line and above its last one."""
     if isinstance(plant, DiscsOnLines):
@@ -154,17 +203,26 @@ def measured_lines(
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
     G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
-    n_integrators, n, band = slope_at_start(omega, G), omega.size, (float(omega[0]), float(omega[-1]))
-    omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)
-    below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
-    w = np.concatenate([w[0] * below, w])
+    radius, n, band = relative_radius(form, w, np.abs(G)) * np.abs(G), omega.size, (float(omega[0]), float(omega[-1]))
+    readings = read_below(omega, G, radius, n_unstable=known.n_unstable, n_integrators=known.n_integrators)
+    right = tuple(one for one in readings if one.sign == (known.sign or readings[0].sign))
+    if not right:
+        raise ValueError(
+            "positive must be left out: the phase of the FRF says that y falls as u rises. Change the sign of one of "
+            "them, or measure at lower frequency if that is not so"
+        )
+    low = right[0]
+    omega, G = np.concatenate([low.omega[::BELOW], omega]), np.concatenate([low.G[::BELOW], G])
+    size = np.ones(omega.size) if FORMS[form].vanishes_with_plant else np.abs(G)
+    w = np.concatenate([radius_below(omega[-n:], w / size[-n:]) * size[:-n], w])
     above = omega[-1] * np.geomspace(1.2, 100, 14)
     above = above[above * dt < 0.99 * np.pi]
-    known = np.arange(omega.size + above.size) < omega.size
+    on_lines = np.arange(omega.size + above.size) < omega.size
     omega = np.concatenate([omega, above])
     G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
-    omega, G, w, known = add_mode_lines(K, omega, G=G, w=w, known=known)
-    return with_discs(form, omega, G=G, w=w, known=known, n_integrators=n_integrators, band=band)
+    omega, G, w, on_lines = add_mode_lines(K, omega, G=G, w=w, known=on_lines)
+    seen = with_discs(form, omega, G=G, w=w, known=on_lines, n_integrators=0, band=band)
+    return replace(seen, readings=right, open_readings=() if known.sign else readings).held_for(right)
 
 
 def modelled_lines(
@@ -207,12 +265,54 @@ def modelled_lines(
 def add_mode_lines(
     K: Sequence[control.StateSpace], omega: np.ndarray, *, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
+    """Lines, FRF, weight and what is known of it, with lines where controllers have modes and their loops peaks."""
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
+    modes += [loop_peak_lines(one, omega[known], G[known]) for one in K]
     if not any(one.size for one in modes):
         return omega, G, w, known
     both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
     return both, interpolate_frf(both, omega, G), np.interp(both, omega, w), both <= last
+
+
+def loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return frequencies between two lines where |S| or |T| has a maximum near its largest, the FRF interpolated."""
+    at = np.append(omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(PARTS) / PARTS), omega[-1])
+    L = interpolate_frf(at, omega, G) * response(K, at)
+    found = []
+    for size in (np.abs(1 / (1 + L)), np.abs(L / (1 + L))):
+        top = (size[1:-1] > size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > NEAR_PEAK * size.max())
+        found.append(at[1:-1][top])
+    return np.setdiff1d(np.concatenate(found), omega)
+
+
+def along_arcs(at: PlantOnLines) -> PlantOnLines:
+    """Return an FRF along both paths between two lines that a mode, or an anti-resonance, may take it on.
+
+    G is a straight line where an anti-resonance decides, 1/G where a mode does, so that G follows an arc through zero
+    (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is largest on one of them.
+    """
+    lines = np.flatnonzero(at.on_lines)
+    first, second, part = lines[:-1, None], lines[1:, None], np.arange(1, PARTS) / PARTS
+
+    def paths(x: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            arc = 1 / ((1 - part) / x[first] + part / x[second])
+        return np.concatenate([((1 - part) * x[first] + part * x[second]).ravel(), arc.ravel()])
+
+    def larger(x: np.ndarray) -> np.ndarray:
+        return np.tile(np.repeat(np.maximum(x[lines[:-1]], x[lines[1:]]), PARTS - 1), 2)
+
+    omega = np.tile((at.omega[first] * (at.omega[second] / at.omega[first]) ** part).ravel(), 2)
+    return replace(
+        at,
+        omega=omega,
+        G=paths(at.G),
+        centre=paths(at.centre),
+        radius=larger(at.radius),
+        outside=larger(at.outside),
+        inverse=larger(at.inverse),
+        known=np.ones(omega.size, dtype=bool),
+    )
 
 
 def design_grid(

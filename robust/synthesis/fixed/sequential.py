@@ -18,9 +18,11 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, require_nonnegative
 from nlfrf._base.values import value
+from robust._base.states import Stability
 from robust.analysis.robustness import check
 from robust.lti.connections import block_diagonal
 from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_grid
+from robust.lti.low_frequency import read_below
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
@@ -141,12 +143,17 @@ def close_in_turn(
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
         "designed again where it fell short"
     )
+    n_lines = max(loop.n_lines for loop in loops)
+    text += f"; each met on {n_lines} lines, between two of which a mode may miss it" * (n_lines > 0)
+    undecided = any(loop.stability is Stability.UNDECIDED for loop in loops)
     return Design(
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
         reason="; ".join(bad) or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
         history=tuple(history),
+        stability=Stability.UNDECIDED if undecided else None if whole else Stability.STABLE,
+        n_lines=n_lines,
     )
 
 
@@ -325,7 +332,8 @@ def check_sequential_stability(
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
-        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt)
+        readings = read_below(loop.omega, loop.G, loop.radius)
+        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
             return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]

@@ -10,13 +10,14 @@ from itertools import product
 import control
 import numpy as np
 
+from nlfrf._base.arguments import format_hertz
 from robust._base.states import Stability
 from robust._base.types import Controller
 from robust.analysis.loop import Loop, decide_nominal_stability
 from robust.lti.connections import closed_loop
 from robust.lti.lti import require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import count_half_turns, extend_below, integrator_poles, unstable_poles, winding_number
+from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, windings
 from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
@@ -82,15 +83,37 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
                 return found, f"the loop{who} {why}"
             continue
         dt = timebase(K)
-        turns, clear = winding_number(at.omega[at.known], at.G[at.known], K=K, dt=dt)
+        turns, clear = windings(*at.measured, K=K, dt=dt, readings=at.readings)
         if not clear:
             return (
                 Stability.UNDECIDED,
-                f"the lines{who} are too far apart, or end too early, to count how often 1 + L winds about zero",
+                f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L "
+                "winds about zero",
             )
-        if turns != n_unstable + unstable_poles(K, dt):
-            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {turns} times about zero"
+        if wrong := [found for found in turns if found != n_unstable + unstable_poles(K, dt)]:
+            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {wrong[0]} times about zero"
     return Stability.STABLE, ""
+
+
+def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> str:
+    """Say what a plant may be below its first line that the loop is not known to be stable with; empty where nothing.
+
+    And what would decide: lines at lower frequency, or the word of the user.
+    """
+    wanted = n_unstable + unstable_poles(K, timebase(K))
+    for at in family:
+        if at.loop is not None or not at.open_readings:
+            continue
+        turns, clear = windings(*at.measured, K=K, dt=timebase(K), readings=at.open_readings)
+        open_ones = [one for one, found in zip(at.open_readings, turns, strict=True) if found != wanted or not clear]
+        if open_ones:
+            return (
+                f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF may be that of a "
+                f"plant {at.readings[0]}, or {open_ones[0]}, and the loop is known to be stable with the first only. "
+                "Lines at lower frequency decide it (a longer period, --period, and a lower --f-min); or state "
+                "plant_integrators=, or positive=True where y rises as u rises"
+            )
+    return ""
 
 
 def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
@@ -208,25 +231,30 @@ def winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> C
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     plants = []
     for at in family:
-        omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
-            omega, G = extend_below(omega, G, n=at.n_integrators)
-            wanted = n_unstable
+            lines, G = at.measured
+            below = at.readings[0].omega
+            omega, wanted = np.concatenate([below, lines]), n_unstable
+            curves = [(one.n_integrators, one.G) for one in at.readings]
         else:
-            G = response(barely_damped(at.loop.G, PULLED_IN * omega.min()), omega)
-            wanted = unstable_poles(at.loop.G, at.loop.dt)
+            omega = at.omega[at.known]
+            below, G = omega[:0], response(barely_damped(at.loop.G, PULLED_IN * omega.min()), omega)
+            wanted, curves = unstable_poles(at.loop.G, at.loop.dt), [(at.n_integrators, np.zeros(0, complex))]
         Y, X = basis.columns(omega)
-        plants.append((Y.T, G[:, None] * X, at, wanted))
+        plants.append((below.size, Y.T, X.T, G, curves, at.loop is None, wanted))
 
     def is_right(theta: np.ndarray) -> np.ndarray:
         out = np.ones(len(theta), dtype=bool)
-        for Y, GX, at, wanted in plants:
+        for n_below, Y, X, G, curves, resolved, wanted in plants:
             with np.errstate(all="ignore"):
-                F = 1 + (theta @ GX.T) / (theta @ Y)
-                turns, clear = count_half_turns(F, n_K + at.n_integrators)
-            out &= np.round(turns) == wanted
-            if at.loop is None:  # else a guess: the poles decide
-                out &= clear
+                K = (theta @ X) / (theta @ Y)
+                on_lines = 1 + K[:, n_below:] * G
+                for n, below in curves:
+                    F = np.hstack([1 + K[:, :n_below] * below, on_lines])
+                    turns, clear = count_half_turns(F, n_K + n)
+                    out &= np.round(turns) == wanted
+                    if resolved:  # else a guess: the poles decide
+                        out &= clear
         return out
 
     return is_right

@@ -10,6 +10,7 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
+from robust._base.states import Stability
 from robust.proofs.search.certificate import Certificate
 
 
@@ -45,7 +46,7 @@ class Design(Unpacked):
         Smallest norm any controller could reach; nan where it is not known.
     met : bool
         Whether every demand that had to be met is met by K, recomputed (of `design_frf` to 0.1 %, on the lines and
-        wherever the controller or its loop has features between them).
+        wherever the controller or its loop has features between them; see `n_lines`).
     reason : str
         Why the design ended, or which demand is in the way and where.
     certificate : Certificate or None
@@ -58,6 +59,10 @@ class Design(Unpacked):
         Where |L| = 1 of the nominal [rad/s], of every plant of a family; of `design_frf` for a single loop.
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan where they were not computed.
+    stability : Stability or None
+        Of `design_frf`: whether every plant is stable with K; undecided where its FRF leaves that open. None elsewhere.
+    n_lines : int
+        Lines of an FRF on which it is met, or gamma holds, where a mode between two may miss it; 0 where none may.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
 
@@ -83,6 +88,8 @@ class Design(Unpacked):
     crossovers: tuple[float, ...] = ()
     peak_S: float = float("nan")
     peak_T: float = float("nan")
+    stability: Stability | None = None
+    n_lines: int = 0
     history: tuple[float, ...] = ()
     certificate: Certificate | None = None
     CL: control.StateSpace | None = None
@@ -90,9 +97,16 @@ class Design(Unpacked):
     def __str__(self) -> str:
         found = [] if np.isnan(self.gamma) else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
         found += [f"at best {self.gamma_min:.4g}"] if np.isfinite(self.gamma_min) else []
-        limits = "" if self.met and found else "every limit met" if self.met else "LIMITS NOT MET"
+        limits = "" if self.met and found else self.limits_in_words
         text = f"{describe_controller(self.K)}: {'; '.join(filter(None, (', '.join(found), limits)))}"
         return "\n  ".join(filter(None, (text, self.loop_in_words, self.reason)))
+
+    @property
+    def limits_in_words(self) -> str:
+        """Whether the limits are met."""
+        if self.stability is Stability.UNDECIDED:
+            return "STABILITY NOT DECIDED"
+        return f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}" if self.met else "LIMITS NOT MET"
 
     @property
     def loop_in_words(self) -> str:

@@ -119,6 +119,8 @@ class TunedDesign:
         What no limit asks for, and is given away.
     n_evaluated : int
         Loops that were looked at.
+    broken_sets : tuple of str
+        Where a limit is `worst`: plants whose set is not stable in the loop, by `worst_case`, and why.
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
@@ -155,6 +157,7 @@ class TunedDesign:
     plant: Plants
     dt: float
     delay: float
+    broken_sets: tuple[str, ...] = ()
 
     @property
     def gamma(self) -> float:
@@ -173,6 +176,8 @@ class TunedDesign:
                 for one in missed[:3]
             )
             return f"not met: {entries} ({self.ended.value})"
+        if self.broken_sets:
+            return f"not met: {'; '.join(self.broken_sets)}"
         if not self.stable:
             return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
         return self.ended.value

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
+from robust.lti.connections import in_series
 from robust.lti.lti import is_clockless, is_stable, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.synthesis.blocks import Names, signal_names
@@ -101,14 +102,25 @@ class Limit:
 
     def weighting(self, dt: float) -> control.StateSpace | None:
         """Return the weight over the bound as a system on the time base of the loop; None where it is not one."""
-        if not isinstance(self.bound, float):
+        found = []
+        for part in (self.weight, self.bound):
+            part = control.StateSpace([], [], [], [[part]], dt) if isinstance(part, float) else part
+            if not isinstance(part, control.StateSpace) or (timebase(part) != dt and not is_clockless(part)):
+                return None
+            found.append(control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False))
+        W, bound = found
+        if not bound.D[0, 0]:  # its inverse is improper
             return None
-        if isinstance(self.weight, float):
-            return control.StateSpace([], [], [], [[self.weight / self.bound]], dt)
-        W = self.weight
-        if not isinstance(W, control.StateSpace) or (timebase(W) != dt and not is_clockless(W)):
-            return None
-        return control.StateSpace(W.A, W.B, W.C / self.bound, W.D / self.bound, dt)
+        gain = 1 / bound.D
+        inverse = control.StateSpace(
+            bound.A - bound.B @ gain @ bound.C, bound.B @ gain, -gain @ bound.C, gain, dt, remove_useless_states=False
+        )
+        return in_series(W, inverse)
+
+    @property
+    def systems(self) -> tuple[control.StateSpace, ...]:
+        """Return weight and bound where they are systems: their poles and zeros belong to what is looked at."""
+        return tuple(part for part in (self.weight, self.bound) if isinstance(part, control.StateSpace))
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) weight over bound at true frequencies [rad/s]."""

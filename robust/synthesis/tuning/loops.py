@@ -11,10 +11,18 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.connections import lower_lft
-from robust.lti.grids import cluster_at_modes
-from robust.lti.lti import Matrices, evaluate_transfer, frequency_response_matrices
+from robust.lti.grids import cluster_at_modes, mode_lines
+from robust.lti.lti import (
+    Matrices,
+    evaluate_transfer,
+    frequency_response_matrices,
+    poles,
+    timebase,
+    to_s_plane,
+    zeros,
+)
 from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, largest_gain, well_conditioned
-from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
+from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, windings
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
 from robust.synthesis.tuning.limits import Channel
@@ -106,7 +114,21 @@ class ModelledLoop:
         self.multipliers: dict[int, Multipliers] = {}
         self.has_friction = any(isinstance(channel, FrictionChannel) for channel in channels)
         lines = plant.lines[(plant.lines > 0)]
-        self.lines = bilinear_frequency(lines[lines * dt < np.pi] if dt else lines, dt)
+        lines = np.concatenate([lines[lines * dt < np.pi] if dt else lines, self.lines_of_systems()])
+        self.lines = bilinear_frequency(lines, dt)
+
+    def lines_of_systems(self) -> np.ndarray:
+        """Return frequencies [rad/s] around the poles and zeros of weights, bounds and set, folded below Nyquist."""
+        systems = [
+            *self.plant.set_systems,
+            *(part for one in self.channels if isinstance(one, Channel) for part in one.limit.systems),
+        ]
+        roots = [to_s_plane(np.append(poles(one), zeros(one)), timebase(one)) for one in systems if one.nstates]
+        s = np.concatenate([np.zeros(0, complex), *roots])
+        found = np.concatenate([np.abs(s), mode_lines(s, (0.0, np.inf))])
+        found = found[np.isfinite(found) & (found > 0)]
+        top = np.pi / self.dt if self.dt else np.inf
+        return np.abs((found + top) % (2 * top) - top) if self.dt else found
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
         """Return the loop with the blocks M; None where it has no solution, or none of finite numbers."""
@@ -588,7 +610,9 @@ class MeasuredLoop:
     def look_closely(self, loop: ClosedLines) -> dict[int, CloseLook]:
         """Return every limit on the lines of its band."""
         return {
-            channel.index: CloseLook(ratio=level, omega=omega, n_lines=int(self.band(channel).sum()))
+            channel.index: CloseLook(
+                ratio=level, omega=omega, n_lines=int((self.band(channel) & self.plant.on_lines).sum())
+            )
             for channel, (level, omega, _) in zip(self.channels, self.raise_norms(loop).values(), strict=True)
         }
 
@@ -610,15 +634,14 @@ class MeasuredLoop:
         K = self.seen_by_plant(M)
         if K is None:
             return False, False
-        G, omega = self.plant.G, self.plant.omega
+        on, readings = self.plant.on_lines, self.plant.readings
+        G, omega = self.plant.G[:, :, on], self.plant.omega[on]
         wanted = self.plant.n_unstable + unstable_poles(K, self.dt)
         if G.shape[:2] == (1, 1):
-            turns, clear = winding_number(omega, G[0, 0], K=-K, dt=self.dt)
-            return turns == wanted, clear
+            turns, clear = windings(omega, G[0, 0], K=-K, dt=self.dt, readings=readings)
+            return turns[0] == wanted, clear and len(set(turns)) == 1
         of_blocks = frequency_response_matrices((K.A, K.B, K.C, K.D), omega, self.dt)
         F = np.linalg.det(np.eye(K.noutputs) - of_blocks @ np.moveaxis(G, 2, 0))
-        n = integrator_poles(K, self.dt)
-        if G.shape[0] == G.shape[1]:
-            n += slope_at_start(omega, np.linalg.det(np.moveaxis(G, 2, 0)))
+        n = integrator_poles(K, self.dt) + (readings[0].n_integrators if readings else 0)
         found, clear_all = count_half_turns(F, n)
         return round(float(found)) == wanted, bool(clear_all)

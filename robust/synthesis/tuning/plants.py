@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, TypeGuard
+from typing import Any, TypeAlias, TypeGuard
 
 import control
 import numpy as np
@@ -17,11 +17,12 @@ from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
+from robust.lti.low_frequency import Reading, radius_below, read_below
 from robust.lti.lti import one_sampling_time, response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.models.fit.nominal import frd
-from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
+from robust.models.sets.forms import DEFAULT_FORM, ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.synthesis.blocks import Names, signal_names
@@ -113,12 +114,15 @@ class ModelledPlant:
         True frequencies (W,) [rad/s] -> where the perturbation of the set reads and acts.
     blocks : tuple of (int, int)
         The blocks of the perturbation.
+    set_systems : tuple of control.StateSpace
+        Nominal and weights of the set, whose poles and zeros the perturbation has.
     """
 
     system: control.StateSpace
     lines: np.ndarray
     perturbation: Callable[[np.ndarray], Perturbation] | None = None
     blocks: Blocks = ONE_DISC
+    set_systems: tuple[control.StateSpace, ...] = ()
 
 
 @value(copy=False)
@@ -128,19 +132,30 @@ class MeasuredPlant:
     Fields
     ------
     omega : (W,) ndarray
-        Lines [rad/s].
+        Lines [rad/s]; of one channel with frequencies below the first, where it goes on as its likeliest reading.
     G : (n_y, n_u, W) complex ndarray
         Hold and delay inside.
     perturbation : Perturbation or None
         Where the perturbation of the set reads and acts, on the lines.
     n_unstable : int
+    readings : tuple of Reading
+        What it may be below its first line; of several channels of the determinant.
+    first : float
+        That line [rad/s].
     """
 
     omega: np.ndarray
     G: np.ndarray
     perturbation: Perturbation | None
     n_unstable: int
+    readings: tuple[Reading, ...]
+    first: float
     blocks: Blocks = ONE_DISC
+
+    @property
+    def on_lines(self) -> np.ndarray:
+        """Return (W,) which frequencies are measured lines."""
+        return np.asarray(self.omega >= self.first)
 
 
 def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
@@ -168,7 +183,11 @@ def see_plant(
     G, lines = behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
     if isinstance(model, UncertaintyModel) and worst:
         return ModelledPlant(
-            system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
+            system=G,
+            lines=lines,
+            perturbation=perturbation_of_matrices(model),
+            blocks=tuple(model.structure),
+            set_systems=(*model.left, *model.right),
         )
     return ModelledPlant(system=G, lines=lines)
 
@@ -189,7 +208,8 @@ def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: floa
             f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
             "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
         )
-    return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation)
+    systems = (loop.weight, loop.shaping, model.nominal) if worst else ()
+    return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation, set_systems=systems)
 
 
 def behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay: float) -> control.StateSpace:
@@ -302,26 +322,45 @@ def see_measured(
     name: str, model: PlantModel, *, n_unstable: int, dt: float, delay: float, worst: bool
 ) -> MeasuredPlant:
     """Return an FRF on its lines."""
-    perturbation = None
-    if is_matrix(model):
-        data = frd(model)
+    form = DEFAULT_FORM
+    if is_matrix(model) or isinstance(model, control.FrequencyResponseData):
+        data: Any = model if isinstance(model, control.FrequencyResponseData) else frd(model)
+        w, W = np.zeros(np.size(data.omega)), np.ones(np.size(data.omega))
         omega, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata)
-    elif isinstance(model, control.FrequencyResponseData):
-        omega, G = np.asarray(model.omega, dtype=float), np.asarray(model.frdata)
     else:
         omega, g, form, w, _, W = parts_on_lines(model)
-        G = g[None, None]
+        G, w = g[None, None], np.nan_to_num(w)  # nan: no set
     if not np.isfinite(G).all():
         raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
     order = np.argsort(omega)
     if dt and omega[order][-1] * dt >= np.pi:
         raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s")
+    omega, G = omega[order], G[:, :, order]
     seen = G * hold_and_delay_factor(model, omega, dt=dt, delay=delay)
-    if worst:
-        ours, measured = seen[0, 0], G[0, 0]
-        disc = disc_of_form(form, w, G=ours, W=np.asarray(W * measured / ours))
-        perturbation = Perturbation(reads=disc.reads[order], drives=disc.drives[order])
-    return MeasuredPlant(omega=omega[order], G=seen[:, :, order], perturbation=perturbation, n_unstable=n_unstable)
+    if G.shape[:2] != (1, 1):
+        square = G.shape[0] == G.shape[1]
+        readings = read_below(omega, np.linalg.det(np.moveaxis(seen, 2, 0)), n_unstable=n_unstable) if square else ()
+        return MeasuredPlant(
+            omega=omega, G=seen, perturbation=None, n_unstable=n_unstable, readings=readings, first=float(omega[0])
+        )
+    ours, measured = seen[0, 0], G[0, 0]
+    w, W = w[order], np.asarray(W)[order]
+    radius = np.abs(plant_numerator(form, w, G=ours, W=W * measured / ours))
+    readings = read_below(omega, ours, radius, n_unstable=n_unstable)
+    low, n = readings[0], readings[0].omega.size
+    ours = np.concatenate([low.G, ours])
+    measured, W = (np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W))
+    size = np.ones(ours.size) if FORMS[form].vanishes_with_plant else np.abs(ours)
+    w = np.concatenate([radius_below(omega, np.abs(w) / size[n:]) * size[:n], w])
+    perturbation = disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
+    return MeasuredPlant(
+        omega=np.concatenate([low.omega, omega]),
+        G=ours[None, None],
+        perturbation=perturbation,
+        n_unstable=n_unstable,
+        readings=readings,
+        first=float(omega[0]),
+    )
 
 
 def stated_sampling_time(plants: Sequence[PlantModel]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -19,6 +20,7 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
+from robust.analysis.worst_plant import worst_case
 from robust.lti.lti import require_sampling_time, to_s_plane, with_names
 from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
@@ -339,7 +341,11 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
                     f"{channel.limit}, which is zero whatever the blocks are"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
-            if isinstance(scene, MeasuredLoop) and isinstance(channel, Channel) and not scene.band(channel).any():
+            if (
+                isinstance(scene, MeasuredLoop)
+                and isinstance(channel, Channel)
+                and not any(scene.band(channel) & scene.plant.on_lines)
+            ):
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
                     f"from {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
@@ -406,7 +412,7 @@ def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> 
                 raise ValueError(
                     f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
                     f"{scene.index}) whose lines leave it open at the start of the blocks. Measure more finely around "
-                    "its modes, fit a model, or start with smaller gains"
+                    "its modes, or at lower frequency, fit a model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(
@@ -478,7 +484,7 @@ def make_design(
     values.sort(key=lambda one: (not one.hard, -one.ratio))
     excess = np.inf if found is None else found.excess - problem.decay
     stable = bool(values) and is_surely_stable(problem, x)
-    return TunedDesign(
+    found_design = TunedDesign(
         blocks=problem.controller.blocks_at(x),
         met=bool(values) and stable and all(one.met for one in values if one.hard),
         stable=stable,
@@ -494,6 +500,24 @@ def make_design(
         dt=dt,
         delay=delay,
     )
+    worst = any(isinstance(limit, Limit) and limit.worst for limit, _ in limits)
+    broken = find_broken_sets(found_design) if worst and found_design.met else ()
+    return replace(found_design, met=found_design.met and not broken, broken_sets=broken)
+
+
+def find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
+    """Say of which plants the set is not stable with the controller as a whole, by `worst_case`."""
+    K = design.controller(design.plant.outputs, design.plant.inputs)
+    found = []
+    for k, model in enumerate(design.plant.models):
+        if not isinstance(model, UncertaintyModel) or model.measured_only:
+            continue
+        try:
+            stable, why = worst_case(model, K, delay=design.delay).stable, "a plant of its set makes the loop unstable"
+        except ValueError as error:  # the nominal loop cannot be told from one on the boundary
+            stable, why = False, str(error)
+        found += [] if stable else [f"plant {k}: {why}"]
+    return tuple(found)
 
 
 def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:

@@ -85,7 +85,7 @@ def test_what_positive_is_not_asked_of(asked, refusal):
 
 
 def test_a_plant_of_the_other_sign_is_told_what_to_do():
-    with pytest.raises(ValueError, match="Where y falls as u rises, change the sign of one of them"):
+    with pytest.raises(ValueError, match="y falls as u rises: change the sign of one of them"):
         robust.design_frf(control.tf([-1], [0.1, 1]), "PI", M_S=1.8, positive=True)
 
 
