@@ -34,6 +34,7 @@ N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
 BOUND_LIMIT = 0.999  # what the bound there has to stay below
 MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
 MOST_BOXES, BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
+FEW_BOXES = 40  # parts of the box that are looked at in some ten seconds
 BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
 LEVEL_ACCURACY = 1e-3  # to which the level is found that the bound leaves on the test frequencies
 #: Of that level, or of what breaks, what is tried to be proved of the whole box: a peak may have been missed.
@@ -98,7 +99,7 @@ def skewed_margin(
     *,
     growing: np.ndarray | None = None,
     gap: float,
-    max_boxes: int = MOST_BOXES,
+    max_boxes: int = FEW_BOXES,
 ) -> SkewedMargin:
     """Return how large the blocks that grow may be, all when not given, to a relative gap where that is found.
 
@@ -340,18 +341,16 @@ def split_box(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
     middle, half = box
-    best: tuple[float, list[tuple[np.ndarray, np.ndarray]]] = (np.inf, [])
-    for k in np.flatnonzero([kind == "real" for kind in search.s.kinds]):
-        if half[k] < MIN_BOX_WIDTH:
-            continue
-        move = half * (np.arange(half.size) == k) / 2
-        parts = [(middle - move, half - move), (middle + move, half - move)]
-        worst = -half[k]
-        if np.isfinite(omega):
-            cut = [box_system(search, part) for part in parts]
-            if all(N is not None for N in cut):
-                responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
-                worst = float(upper_bound(responses, search.blocks).value.max())
-        if worst < best[0]:
-            best = (worst, parts)
-    return best[1]
+    found: list[list[tuple[np.ndarray, np.ndarray]]] = []
+    for k in search.real:
+        if half[k] >= MIN_BOX_WIDTH:
+            move = half * (np.arange(half.size) == k) / 2
+            found.append([(middle - move, half - move), (middle + move, half - move)])
+    if not found:
+        return []
+    worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # the widest, where nothing else is known
+    cut = [box_system(search, part) for parts in found for part in parts]
+    if np.isfinite(omega) and all(N is not None for N in cut):
+        responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
+        worst = upper_bound(responses, search.blocks).value.reshape(-1, 2).max(axis=1)
+    return found[int(worst.argmin())]
