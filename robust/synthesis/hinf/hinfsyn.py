@@ -584,7 +584,8 @@ def synthesise(
     hidden = hidden_mode(plant)
     if hidden:
         raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
-    found = settle_lower_bound(P, plant, synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps))
+    found = synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
+    found = settle_lower_bound(P, plant, found=found, factor=factor)
     if is_far_from_bound(found, wanted) and found.n_steps < n_steps:
         others = controllers_by_other_means(P, plant, wanted=wanted, n_steps=n_steps - found.n_steps)
         for loop in (close_stable_loop(P, K) for K in others):
@@ -635,14 +636,16 @@ def fails_in_digits(
     return level_fails(to_matrices(P), plant.into_u, plant.out_of_y, level, circle=ends)
 
 
-def settle_lower_bound(P: control.StateSpace, plant: Plant, found: Synthesis) -> Synthesis:
+def settle_lower_bound(P: control.StateSpace, plant: Plant, *, found: Synthesis, factor: float) -> Synthesis:
     """With a lower bound that many digits confirm where the poles lie decades apart, and never above gamma."""
-    low = min(found.gamma_min, found.gamma)
+    low, reached = min(found.gamma_min, found.gamma), found.gamma * ROUNDING_FACTOR
     fails = partial(fails_in_digits, P, plant)
     # a level that was reached must not fail: else the problem is singular, and nothing is learnt
-    if found.found and fails(low) is False and fails(found.gamma * ROUNDING_FACTOR) is False:
-        low = bisect_level(lambda level: not fails(level), (0.0, low), tolerance=TOLERANCE, n_steps=MOST_STEPS)[0]
-    return replace(found, gamma_min=low)
+    if found.found and fails(reached) is False:
+        ends = (0.0, low) if low and not fails(low) else (low, reached)
+        if ends[0] == 0 or found.gamma > NEAR_BOUND * factor * low:
+            low = bisect_level(lambda level: not fails(level), ends, tolerance=TOLERANCE, n_steps=MOST_STEPS)[0]
+    return replace(found, gamma_min=min(low, found.gamma))
 
 
 def controllers_by_other_means(
