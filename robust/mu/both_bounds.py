@@ -220,6 +220,7 @@ def at_every_frequency(
         margin = replace(margin, level=0.0, broken=0.0, omega=at, delta=0 * np.nan_to_num(margin.delta), reason="")
     with np.errstate(divide="ignore"):
         reached, proved = 1 / np.array([margin.broken, margin.level])
+    assert found.omega is not None  # of a system with states
     upper = np.minimum(found.upper, proved)
     if reached < found.lower.max() or not reached:  # it is found best on a line
         at = int(np.argmax(found.lower if reached else upper))

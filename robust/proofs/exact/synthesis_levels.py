@@ -71,22 +71,24 @@ def level_fails(
 def half_plane_image(plant: Balls, a: float, b: float) -> Balls:
     """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`."""
     A, B, C, D = plant
-    one, a, b = identity_balls(A.nrows()), arb(a), arb(b)
-    inverse = (one - A * (1 / b)).inv()
-    return inverse * (A - one * a), inverse * B * (1 - a / b), C * inverse, D + C * inverse * B * (1 / b)
+    one, near, far = identity_balls(A.nrows()), arb(a), arb(b)
+    inverse = (one - A * (1 / far)).inv()
+    return inverse * (A - one * near), inverse * B * (1 - near / far), C * inverse, D + C * inverse * B * (1 / far)
 
 
 def existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
     """Return whether a level fails, at the precision of the moment, of z outputs and w inputs beside y and u."""
     A, B, C, D = plant
-    found = []
-    for parts, sizes in ((plant, (z, w)), (tuple(M.transpose() for M in (A, C, B, D)), (w, z))):
+    dual = A.transpose(), C.transpose(), B.transpose(), D.transpose()
+    found: list[arb_mat] = []
+    for parts, outputs, inputs in ((plant, z, w), (dual, w, z)):
         try:
-            found.append(control_storage(parts, *sizes, level))
+            storage = control_storage(parts, outputs, inputs, level)
         except ZeroDivisionError:  # no full rank: nothing is known from this side
             continue
-        if found[-1] is None:
+        if storage is None:
             return True
+        found.append(storage)
     if len(found) < 2:
         return None
     return any(x.real.mid() >= (level * level).mid() for x in eigenvalues(found[0] * found[1]))
