@@ -258,5 +258,5 @@ def test_an_inverse_weight_that_stays_near_one_far_above_nyquist_is_bounded_as_c
     """|w| = 0.96 at every alias: bounds that are 5 % above it would leave nothing below one."""
     w = control.tf([0.96, 0.96], [1, 3])
     at = np.array([1.0, 2.0])
-    model = UncertaintyModel(control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.5 * at, perturbation="LTI")
+    model = UncertaintyModel(control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.1 * at, perturbation="LTI")
     assert check(model, control.ss([], [], [], [[0.02]], 0.1)).verdict == "robust"
