@@ -48,7 +48,7 @@ def level_fails(
     >>> import numpy as np
     >>> P = Matrices(A=-np.eye(1), B=np.ones((1, 2)), C=np.array([[1.0], [0.0], [1.0]]),
     ...              D=np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]))
-    >>> [level_fails(P, np.eye(1), np.eye(1), x) for x in (0.4, 0.42)]                        # sqrt(2) - 1
+    >>> [level_fails(P, np.eye(1), np.eye(1), x) for x in (0.70, 0.71)]                       # 1/sqrt(2)
     [True, False]
     """
     if plant.order > MOST_STATES:
