@@ -221,19 +221,20 @@ def at_every_frequency(
         margin = replace(margin, level=0.0, broken=0.0, omega=at, delta=0 * np.nan_to_num(margin.delta), reason="")
     with np.errstate(divide="ignore"):
         reached, proved = 1 / np.array([margin.broken, margin.level])
-    assert found.omega is not None  # of a system with states
+    omega = found.omega
+    assert omega is not None  # of a system with states
     upper = np.minimum(found.upper, proved)
     if reached < found.lower.max() or not reached:  # it is found best on a line
         at = int(np.argmax(found.lower if reached else upper))
         upper[at] = max(proved if margin.level else upper[at], found.lower[at])
         found = replace(found, upper=upper)
     else:
-        at = int(np.searchsorted(found.omega, margin.omega))
+        at = int(np.searchsorted(omega, margin.omega))
         cols, rows = found.delta.shape[:2]
         above = proved if margin.level or np.isinf(reached) else float(np.max(upper))
         found = replace(
             found,
-            omega=np.insert(found.omega, at, margin.omega),
+            omega=np.insert(omega, at, margin.omega),
             lower=np.insert(found.lower, at, reached),
             upper=np.insert(upper, at, max(above, reached)),
             delta=np.insert(found.delta, at, margin.delta[:cols, :rows], axis=2),
