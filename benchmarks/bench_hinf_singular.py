@@ -35,16 +35,16 @@ def faults_of(family, seed):
     gain, growth = closed_loop_gain(P, found.K, n_y, n_u)
     faults = [f"pole beyond the boundary by {growth:.2g}"] * bool(growth >= 1e-9)
     faults += [f"gain {gain:.6g} above gamma {found.gamma:.6g}"] * bool(gain > found.gamma * (1 + 1e-5) + 1e-9)
-    faults += [f"bound {found.gamma_low:.6g} above gamma {found.gamma:.6g}"] * bool(found.gamma_low > found.gamma)
+    faults += [f"bound {found.gamma_min:.6g} above gamma {found.gamma:.6g}"] * bool(found.gamma_min > found.gamma)
     if known is not None:
         least = (best := hinfsyn(*known)).gamma if isinstance(known, tuple) else hinf_norm(known)[0]
-        low = best.gamma_low if isinstance(known, tuple) else least
+        low = best.gamma_min if isinstance(known, tuple) else least
         faults += [f"gamma {found.gamma:.6g}, known {least:.6g}"] * bool(found.gamma > NEAR * least + 1e-9)
-        above = found.gamma_low > least * (1 + 1e-6) + 1e-9
-        faults += [f"bound {found.gamma_low:.6g} above what is known, {least:.6g}"] * bool(above)
-        faults += [f"bound {found.gamma_low:.6g} far below {low:.6g}"] * bool(found.gamma_low < 0.97 * low)
+        above = found.gamma_min > least * (1 + 1e-6) + 1e-9
+        faults += [f"bound {found.gamma_min:.6g} above what is known, {least:.6g}"] * bool(above)
+        faults += [f"bound {found.gamma_min:.6g} far below {low:.6g}"] * bool(found.gamma_min < 0.97 * low)
     faults += [f"not certified: {found.reason}"] * (not found.certified)
-    return faults, found.gamma / found.gamma_low if found.gamma_low else np.nan
+    return faults, found.gamma / found.gamma_min if found.gamma_min else np.nan
 
 
 def main():

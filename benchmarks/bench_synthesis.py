@@ -42,7 +42,7 @@ def published(folder, names):
     """One line a problem, then what the project asks of all of them."""
     problems, known = np.load(folder / "problems.npz"), json.loads((folder / "problems.json").read_text())
     ratios, wrong = [], []
-    print("problem  states      gamma     gamma_low   best_found     SLICOT        LMI   ratio      s")
+    print("problem  states      gamma     gamma_min   best_found     SLICOT        LMI   ratio      s")
     for name in names or known:
         best, slicot, lmi = (
             np.nan if known[name][key] is None else known[name][key] for key in ("best_found", "slicot", "lmi")
@@ -56,15 +56,15 @@ def published(folder, names):
             continue
         seconds, ratio = time.process_time() - begin, found.gamma / best if best else np.nan
         print(
-            f"{name:8} {P.nstates:6d} {found.gamma:11.5g} {found.gamma_low:12.5g} {best:12.5g} {slicot:10.4g} "
+            f"{name:8} {P.nstates:6d} {found.gamma:11.5g} {found.gamma_min:12.5g} {best:12.5g} {slicot:10.4g} "
             f"{lmi:10.4g} {ratio:7.4f} {seconds:6.2f}  {found.reason}"
         )
         if not decide_stability(closed := lower_lft(P, found.K)).stable or norm_on_a_grid(closed) > found.gamma * (
             1 + 1e-5
         ):
             wrong.append(f"{name}: not stable, or a norm above gamma")
-        if found.gamma_low > min(found.gamma, 1.001 * best + 1e-12):
-            wrong.append(f"{name}: gamma_low above what was achieved")
+        if found.gamma_min > min(found.gamma, 1.001 * best + 1e-12):
+            wrong.append(f"{name}: gamma_min above what was achieved")
         if name in NEAR_ZERO:
             wrong += [f"{name}: {found.gamma:.3g} above {best:.3g}"] * bool(found.gamma > best + 1e-2)
         elif name not in BESIDE_LMI:
@@ -85,9 +85,9 @@ def random_plants(n=200):
         n_u, n_y = rng.integers(1, 4, 2)
         dt = 0.1 * (k % 2)
         found = hinfsyn(random_plant(rng, int(rng.integers(1, 13)), n_y + 1, n_u, n_u + 2, n_y, dt), n_y, n_u)
-        ratios.append(found.gamma / found.gamma_low)
+        ratios.append(found.gamma / found.gamma_min)
     print(
-        f"{n} random plants: gamma over gamma_low {np.median(ratios):.4f} in the middle, {np.max(ratios):.4f} at most, "
+        f"{n} random plants: gamma over gamma_min {np.median(ratios):.4f} in the middle, {np.max(ratios):.4f} at most, "
         f"{1e3 * (time.process_time() - begin) / n:.0f} ms each"
     )
 

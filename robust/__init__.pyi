@@ -15,6 +15,7 @@ from . import synthesis as synthesis
 from . import tuning as tuning
 from ._base.warnings import DesignWarning as DesignWarning
 from .analysis.report import RobustnessReport as RobustnessReport
+from .analysis.robust_gain import robgain as robgain
 from .analysis.robustness import check as check
 from .analysis.worst_plant import step_response as step_response
 from .analysis.worst_plant import worst_case as worst_case

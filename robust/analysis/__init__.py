@@ -17,6 +17,7 @@ loop_of_channels  a set and a controller of several channels on one time base
 loop_level       predict at which level a loop moves the machine, and compare that with the measured levels
 performance      classical margins, gains of the loop, step responses
 report           `RobustnessReport`: its fields, and how they are printed
+robust_gain      `robgain`: how far the uncertainty may grow until a gain reaches a level
 robustness       `check`: one model, one controller; makes the loop, lets a judge find, and reports
 sampled_set      the sampled set that contains a continuous set of several channels, every alias included
 text             every sentence of a report

@@ -29,7 +29,8 @@ from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import block_structure, blocks_with_kinds
 from robust.mu.certification import certify
-from robust.mu.parameters import Crossing, ParameterMargin, find_crossing, parameter_margin
+from robust.mu.crossings import Crossing, find_crossing
+from robust.mu.parameters import ParameterMargin, parameter_margin
 from robust.mu.perturbations import search_perturbation
 from robust.mu.scalings import mu_bound_at, refine_grid
 from robust.proofs.search.certificate import Certificate
@@ -251,13 +252,7 @@ def find_worst_perturbation(
         size, delta = parameters.size, parameters.delta
     if delta is None:
         return np.inf, None
-    parts, r, c = {}, 0, 0
-    for name, block in system.blocks.items():
-        n, m = block.shape[:2]
-        part = delta[c : c + m, r : r + n] / size
-        parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
-        r, c = r + n, c + m
-    return size, parts
+    return size, system.perturbation_by_name(delta / size)
 
 
 def prove_bound(

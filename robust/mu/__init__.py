@@ -3,12 +3,14 @@
 blocks         the structure: which blocks, which scalings commute with it
 both_bounds    both bounds of mu or of a worst gain in one call, of systems too
 certification  a level of mu proved at every frequency
+crossings      the smallest perturbation that takes a pole to the stability boundary, found by following poles
 gain           the worst gain over a set: its bound, and a perturbation that attains it
 intervals      the proof of a level with a scaling for each interval of the frequency
 parameters     margins and bounds for real parameters
 perturbations  lower bounds: a perturbation that makes the loop singular, verified
 scalings       upper bounds by scalings, refined around their peaks
 set_gain       the worst gain over a set, bounded at all frequencies by exact arithmetic
+skewed         how large some blocks may be, at all frequencies: between a proof and what breaks
 """
 
 import lazy_loader

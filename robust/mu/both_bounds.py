@@ -1,7 +1,11 @@
-"""Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that attains the lower one."""
+"""Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that attains the lower one.
+
+Of a system the upper one is proved at all frequencies, and the lower one followed to its peak (`robust.mu.skewed`).
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import control
@@ -12,35 +16,48 @@ from nlfrf._base.types import Seed
 from nlfrf._base.values import value
 from robust._base.types import AnySystem, Blocks
 from robust.lti.grids import structure_grid
-from robust.lti.lti import response_by_channel
+from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
-from robust.mu.blocks import structure_for
+from robust.mu.blocks import block_structure, blocks_with_kinds, structure_for
 from robust.mu.gain import gain_bound, search_worst_case
+from robust.mu.intervals import certify_intervals
 from robust.mu.perturbations import lower
 from robust.mu.scalings import response_matrices, upper
+from robust.mu.skewed import SkewedMargin, scaled_system, skewed_margin
+from robust.proofs.search.certificate import Certificate
+from robust.proofs.search.intervals import SLACK
+from robust.proofs.search.stability import decide_stability
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 N_STARTS = 6  # of `lower`
+GAP = 0.05  # relative distance of both bounds of a system to which the box of real parameters is cut
+EXACT_INTERVALS = 60  # intervals of a proof over the rationals: a second
 
 
 @value(copy=False)
 class StructuredBounds:
-    """Both bounds at every frequency, with the perturbation that attains the lower one.
+    """Both bounds, with the perturbation that attains the lower one.
 
     Fields
     ------
     omega : (W,) ndarray or None
-        Frequencies [rad/s]; None of an array without them.
+        Frequencies [rad/s]; None of an array without them. Of a system without `omega=` the peak that was found is one.
     lower, upper : (W,) ndarray
-        The structured singular value, or the worst gain over the set, lies between them.
+        The structured singular value, or the worst gain over the set, lies between them. With `certificates` the
+        largest `upper`, at the peak, is proved to hold at every frequency.
     delta : (n_in, n_out, W) ndarray
         Of mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan where none was found. Of
         a gain: the perturbation of size at most one with the gain `lower`; with a lower of inf it makes the loop
         singular.
     quantity : str
         "mu" or "worst gain".
+    certificates : tuple of Certificate
+        The proof, of every part into which the box of real parameters was cut: mu stays below one with the outputs of
+        all blocks, of a gain those of the performance, over the largest `upper`. Empty where there is none.
+    reason : str
+        Why there is none of a system, or why the bounds are more than 5 % apart.
 
     References
     ----------
@@ -57,11 +74,16 @@ class StructuredBounds:
     upper: np.ndarray
     delta: np.ndarray
     quantity: str = "mu"
+    certificates: tuple[Certificate, ...] = ()
+    reason: str = ""
 
     def __str__(self) -> str:
-        k = int(np.argmax(self.upper))
+        k, W = int(np.argmax(self.upper)), self.upper.size
+        attained = np.isinf(self.lower.max())  # a fact, whatever was looked at
+        where = " at every frequency" if self.certificates else f" on {W} lines" if W > 1 and not attained else ""
         at = "" if self.omega is None else f", largest at {self.omega[k]:.4g} rad/s"
-        return f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{at}"
+        text = f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{where}{at}"
+        return "; ".join(filter(None, (text, self.reason)))
 
 
 def bounds(
@@ -76,15 +98,17 @@ def bounds(
     blocks : list
         As for `upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
     omega : (W,) array_like, optional
-        Frequencies [rad/s]. Of a system they are chosen from its poles when not given, of a frequency response they are
-        its own, of an array they are a label.
+        Frequencies [rad/s], on which alone the system is then looked at. Of a frequency response they are its own when
+        not given, of an array they are a label.
     rng : Generator, int or None
         For the random starts of the lower bound.
 
     Returns
     -------
     StructuredBounds
-        upper : that of `upper`. lower, delta : those of `lower`.
+        upper : that of `upper`. lower, delta : those of `lower`. Of a system without `omega=` the largest
+        ones are those of all frequencies: the upper one proved, the lower one of a perturbation that takes a pole to
+        the stability boundary.
 
     Raises
     ------
@@ -103,13 +127,23 @@ def bounds(
     ([3.0, 2.121], [3.0, 2.121])
     >>> abs(np.linalg.det(np.eye(2) - N(1j) @ found.delta[:, :, 1])).round(9).item()
     0.0
+
+    A real parameter, s^2 + (1 + 1.2 d) s + 1, counts at one frequency:
+
+    >>> N = control.ss([[0, 1], [-1, -1]], [[0], [-1.2]], [[0, 1]], [[0]])
+    >>> print(bounds(N, [(1, 1, "real")]))
+    mu between 1.2 and 1.204 at every frequency, largest at 1 rad/s
     """
+    omega_given = omega is not None
     omega, M = sampled_response(N, omega)
-    structure_for("blocks", blocks, M.shape[:2])
+    s = structure_for("blocks", blocks, M.shape[:2])
     found = lower(M, blocks, n_starts=N_STARTS, rng=rng)
     assert found.delta is not None  # of a lower bound
     above = np.maximum(upper(M, blocks).value, found.value)  # where they meet rounding may cross them
-    return StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
+    on_lines = StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
+    if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
+        return on_lines
+    return at_every_frequency(on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool))
 
 
 def worst_gain(
@@ -152,16 +186,70 @@ def worst_gain(
     >>> found.lower.round(4).item(), found.upper.round(4).item(), found.delta.real.round(4).item()
     (0.6667, 0.6667, -1.0)
     """
+    omega_given = omega is not None
     omega, M = sampled_response(N, omega)
     bound = gain_bound(M, blocks)
     reached, delta = search_worst_case(response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng))
-    return StructuredBounds(
+    on_lines = StructuredBounds(
         omega=omega,
         lower=reached,
         upper=np.maximum(bound, reached),  # where they meet rounding may cross them
         delta=np.moveaxis(delta, 0, 2),
         quantity="worst gain",
     )
+    if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
+        return on_lines
+    whole, growing = with_performance_block(blocks, M.shape[:2])
+    return at_every_frequency(on_lines, multivariable("N", N), whole, growing=growing)
+
+
+def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Blocks, np.ndarray]:
+    """Return the blocks and a full one that closes what they leave of N, and which of them that is (K,)."""
+    rows, cols = block_structure("blocks", blocks).shape
+    whole = [*blocks, (shape[0] - rows, shape[1] - cols)]
+    return whole, np.arange(len(whole)) == len(blocks)
+
+
+def at_every_frequency(
+    found: StructuredBounds, N: control.StateSpace, blocks: Blocks, *, growing: np.ndarray
+) -> StructuredBounds:
+    """Return the bounds with those of all frequencies, at the peak: 1 over how large the blocks that grow may be."""
+    margin = skewed_margin(N, blocks, growing=growing, gap=GAP)
+    of_gain, nominal = not growing.all(), decide_stability(N)
+    if of_gain and nominal.unstable:  # of the gain of a system that is not stable
+        at = abs(to_s_plane(np.atleast_1d(nominal.pole), timebase(N))[0].imag)
+        margin = replace(margin, level=0.0, broken=0.0, omega=at, delta=0 * np.nan_to_num(margin.delta), reason="")
+    with np.errstate(divide="ignore"):
+        reached, proved = 1 / np.array([margin.broken, margin.level])
+    omega = found.omega
+    assert omega is not None  # of a system with states
+    upper = np.minimum(found.upper, proved)
+    if reached < found.lower.max() or not reached:  # it is found best on a line
+        at = int(np.argmax(found.lower if reached else upper))
+        upper[at] = max(proved if margin.level else upper[at], found.lower[at])
+        found = replace(found, upper=upper)
+    else:
+        at = int(np.searchsorted(omega, margin.omega))
+        cols, rows = found.delta.shape[:2]
+        above = proved if margin.level or np.isinf(reached) else float(np.max(upper))
+        found = replace(
+            found,
+            omega=np.insert(omega, at, margin.omega),
+            lower=np.insert(found.lower, at, reached),
+            upper=np.insert(upper, at, max(above, reached)),
+            delta=np.insert(found.delta, at, margin.delta[:cols, :rows], axis=2),
+        )
+    reason = margin.reason if margin.level or not margin.reason else f"not proved between lines: {margin.reason}"
+    return replace(found, certificates=exact_certificates(N, blocks, margin), reason=reason)
+
+
+def exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMargin) -> tuple[Certificate, ...]:
+    """Return the proof over the rationals where the box of parameters is whole and few intervals suffice."""
+    if len(margin.certificates) == 1 and not margin.n_unstable:
+        system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
+        exact = certify_intervals(system, given, 1 - SLACK, most=EXACT_INTERVALS)
+        return (replace(exact, level=1.0),) if exact.holds else margin.certificates
+    return margin.certificates
 
 
 def sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
@@ -180,6 +268,8 @@ def sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tupl
         return own[where], np.asarray(N.frdata)[:, :, where]
     if isinstance(N, control.lti.LTI):
         system = multivariable("N", N)
+        if not system.nstates:
+            return (None, system.D[:, :, None]) if omega is None else (omega, response_by_channel(system, omega))
         at = structure_grid(system)[1:] if omega is None else omega
         return at, response_by_channel(system, at)
     M = np.asarray(N)

@@ -17,7 +17,7 @@ from nlfrf._base.values import value
 from robust._base.types import Blocks
 from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
-from robust.mu.blocks import BlockStructure, structure_for
+from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
 MAX_STEPS = 80
 MAX_STEPS_REAL = 200
@@ -181,8 +181,12 @@ def optimal_scalings(
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
 
     With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room. Many
-    scalings on many frequencies are found a few frequencies at a time, where they are very many in fewer steps.
+    scalings on many frequencies are found a few frequencies at a time, where they are very many in fewer steps. Blocks
+    that no loop joins have no centre together, and are scaled each on its own.
     """
+    label, depth = separate_loops(N, s)
+    if label.max() > 0:
+        return scalings_of_loops(N, s, label=label, depth=depth, target=target)
     W, size = N.shape[0], len(s.left) + len(s.skew)
     target = np.broadcast_to(np.square(target), W)
     parts = np.array_split(np.arange(W), max(1, W * size * N.shape[2] ** 2 // MAX_ENTRIES))
@@ -190,6 +194,37 @@ def optimal_scalings(
     n_steps = min(most, MAX_STEPS_REAL if s.skew.size else MAX_STEPS)
     found = [method_of_centres(N[part], s, target=target[part], n_steps=n_steps) for part in parts]
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
+    return D_L, D_R, G
+
+
+ONE_WAY = 1e4  # by how much less a block counts than one that acts on it and on which it does not act
+
+
+def separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+    """Return (K,) which loop each block belongs to, and how many of them come before it."""
+    acts = np.array([[bool(N[:, row, col].any()) for col in s.cols] for row in s.rows]) | np.eye(
+        len(s.rows), dtype=bool
+    )
+    for _ in s.rows:
+        acts = acts @ acts  # row from column, over any path
+    _, label = np.unique(acts & acts.T, axis=0, return_inverse=True)
+    return np.ravel(label), (acts & ~acts.T).sum(axis=1)
+
+
+def scalings_of_loops(
+    N: np.ndarray, s: BlockStructure, *, label: np.ndarray, depth: np.ndarray, target: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return `optimal_scalings` of loops that act on one another one way at most."""
+    W, (n_out, n_in) = len(N), s.shape
+    D_L, D_R, G = (np.zeros((W, *shape), complex) for shape in ((n_out, n_out), (n_in, n_in), (n_in, n_out)))
+    for k in range(label.max() + 1):
+        own = np.flatnonzero(label == k)
+        rows, cols = (np.concatenate([np.r_[cut[i]] for i in own]) for cut in (s.rows, s.cols))
+        sizes = [(s.rows[i].stop - s.rows[i].start, s.cols[i].stop - s.cols[i].start, s.kinds[i]) for i in own]
+        found = optimal_scalings(N[:, rows[:, None], cols], block_structure("blocks", sizes), target=target)
+        unit = ONE_WAY ** -float(depth[own[0]])
+        D_L[:, rows[:, None], rows], D_R[:, cols[:, None], cols] = unit * found[0], unit * found[1]
+        G[:, cols[:, None], rows] = found[2]
     return D_L, D_R, G
 
 

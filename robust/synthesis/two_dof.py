@@ -149,7 +149,7 @@ def prefilter(
     return ReferenceFilter(
         F=F,
         gamma=found.gamma,
-        gamma_min=found.gamma_low,
+        gamma_min=found.gamma_min,
         certificate=found.certificate,
         omega=omega,
         error=error,
@@ -180,7 +180,7 @@ def prefilter_matrix(
     return ReferenceFilter(
         F=F,
         gamma=found.gamma,
-        gamma_min=found.gamma_low,
+        gamma_min=found.gamma_min,
         certificate=found.certificate,
         omega=worst.omega,
         error=np.linalg.norm(error, 2, axis=(0, 1)),
@@ -347,7 +347,7 @@ def feedforward_filter(
     return ReferenceFilter(
         F=F,
         gamma=found.gamma,
-        gamma_min=found.gamma_low,
+        gamma_min=found.gamma_min,
         certificate=found.certificate,
         omega=omega,
         error=error,

@@ -163,6 +163,16 @@ class UncertainSystem:
         read, driven = self._signals()
         return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read)
 
+    def perturbation_by_name(self, delta: np.ndarray) -> dict[str, float]:
+        """Return of each block of a perturbation (drives, reads) its number if it is real, else its norm."""
+        parts, r, c = {}, 0, 0
+        for name, block in self.blocks.items():
+            n, m = block.shape[:2]
+            part = delta[c : c + m, r : r + n]
+            parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
+            r, c = r + n, c + m
+        return parts
+
 
 def interconnection(
     systems: Sequence[LinearSystem],

@@ -14,6 +14,7 @@ matrices       matrix inequalities over the rationals: norms and definiteness de
 polynomials    exact numbers, roots of polynomials, Routh's array, signs on a half line
 scaled_kyp     a level of mu at every frequency, from P and one scaling
 stability      stability of a loop, and what a delay does to its roots
+synthesis_levels  levels of H-infinity synthesis that no controller reaches, in many digits
 taylor_models  enclosures of functions on intervals
 verification   `Verification`: which claims were proved, which were not, and why not
 """

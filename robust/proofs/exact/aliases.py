@@ -190,7 +190,7 @@ class Aliases:
 
     def __init__(self, claim: LoopClaim, dt: fmpq) -> None:
         plant, weight = transfer_quotient(claim.plant), transfer_quotient(claim.weight)
-        self.through = "G" in claim.reads
+        self.through, self.inverse = "G" in claim.reads, claim.inverse
         self.dt = arb(dt)
         self.step = 2 * arb.pi() / self.dt
         self.G, self.w = magnitude_ratio(plant), magnitude_ratio(weight)
@@ -202,7 +202,8 @@ class Aliases:
     def of_the_rest(self, farthest: float) -> Sums:
         """Return the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
         blocks = AliasBlocks.beyond(self.n, farthest, dt=self.dt)
-        F, G = ([max_magnitude(X, *block) for block in blocks.intervals] for X in (self.F, self.G))
+        G = [max_magnitude(self.G, *block) for block in blocks.intervals]
+        F = [max_magnitude(self.F, *block, below_one=self.inverse) for block in blocks.intervals]
         f, g, n_F, n_G = self.F.beyond(blocks.end), self.G.beyond(blocks.end), self.F.order, self.G.order
         f_last = f / blocks.end**n_F
         return Sums(
@@ -265,19 +266,27 @@ def root_radius(*systems: Quotient) -> float:
     return found
 
 
-def max_magnitude(X: Ratio, low: arb, high: arb) -> arb:
-    """Return an upper bound of |X| on a block, cut until it is close to the largest value."""
+def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> arb:
+    """Return an upper bound of |X| on a block, cut until it is close to the largest value.
+
+    below_one : as close in what is left to one, where X is below it, as in an inverse form 1/(1 - |X|) counts.
+    """
     todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
     while todo:
         a, b, depth = todo.pop()
         middle, top = (a + b) / 2, X.upper(a, b)
-        if not top <= found * TIGHT:
+        if not is_close(top, found, below_one):
             found = larger(found, X.upper(middle, middle))
-        if top <= found * TIGHT or depth >= DEEPEST:
+        if is_close(top, found, below_one) or depth >= DEEPEST:
             found = larger(found, top)
         else:
             todo += [(a, middle, depth + 1), (middle, b, depth + 1)]
     return upper_end(found)
+
+
+def is_close(top: arb, found: arb, below_one: bool) -> bool:
+    """Return whether an upper bound is close to a value that was found."""
+    return bool(top <= found * TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * TIGHT))
 
 
 @value(copy=False)

@@ -43,7 +43,7 @@ class Design(Unpacked):
         weight was given. With a `certificate` that holds the norm is proved to be below it; else gamma is only what was
         computed.
     gamma_min : float
-        Smallest norm any controller could reach; nan where it is not known.
+        No controller reaches less; nan where no such level is known.
     met : bool
         Whether every demand that had to be met is met by K, recomputed (of `design_frf` to 0.1 %, on the lines and
         wherever the controller or its loop has features between them; see `n_lines`).

@@ -18,8 +18,10 @@ from nlfrf._base.values import value
 from robust._base.types import LinearSystem
 from robust.lti.connections import lower_lft
 from robust.lti.lti import Matrices, response_by_channel, timebase, to_s_plane
-from robust.lti.norms import hinf_norm, stabilising_riccati
+from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, well_conditioned_with
 from robust.lti.realisation import multivariable
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.synthesis_levels import level_fails
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import certify_closed_loop, decide_stability
 from robust.synthesis.hinf.design import Unpacked
@@ -209,18 +211,18 @@ def synthesise_between_circles(
     """
     enough, factor = wanted
     step, low = max(1.001, factor**0.5), unchangeable_gain(plant, usual_points(plant))
-    found = replace(nothing, gamma_min=LARGEST_GAMMA, gamma_low=low, n_steps=0)
+    found = replace(nothing, level=LARGEST_GAMMA, gamma_min=low, n_steps=0)
     found = keep_if_better(plant, close_stable_loop(P, nothing.K), found=found)
     for rung in (*CIRCLE_RUNGS, AXIS_RUNG) if plant.B2.shape[1] and plant.C2.shape[0] else ():
-        is_near = found.found and found.gamma <= max(NEAR_ENOUGH * factor * found.gamma_low, enough)
+        is_near = found.found and found.gamma <= max(NEAR_ENOUGH * factor * found.gamma_min, enough)
         if is_near or found.n_steps >= n_steps:
             break
-        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.gamma_low:
+        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.gamma_min:
             continue
         for problem in regular_outside(plant, *rung):
             found = try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
         if found.found:
-            found = raise_lower_bound(plant, rung, found=found, n_steps=n_steps)
+            found = raise_lower_bound(P, plant, rung=rung, found=found, n_steps=n_steps)
     return found
 
 
@@ -249,7 +251,9 @@ def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     ]
 
 
-def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: Synthesis, n_steps: int) -> Synthesis:
+def raise_lower_bound(
+    P: control.StateSpace, plant: Plant, *, rung: tuple[int, int], found: Synthesis, n_steps: int
+) -> Synthesis:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
     problem = map_region(plant, *circle_ends(plant, *rung))
     # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
@@ -268,13 +272,15 @@ def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: Synthesis, 
     for side in sides:
         regular, reached = normalise_plant(side), found.gamma * ROUNDING_FACTOR
         # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
-        if regular is None or reached <= found.gamma_low or not test(regular, reached):
+        if regular is None or reached <= found.gamma_min or not test(regular, reached):
             continue
-        ends = found.gamma_low, reached
+        ends = found.gamma_min, reached
         left = n_steps - found.n_steps
         low, _, n_tried = bisect_level(partial(test, regular), ends, tolerance=TOLERANCE, n_steps=left)
-        if low > found.gamma_low and not any(test(regular, share * low) for share in CHECKED_SHARES):
-            found = replace(found, gamma_low=low)
+        if low > found.gamma_min and not any(test(regular, share * low) for share in CHECKED_SHARES):
+            fails = partial(fails_in_digits, P, plant, circle=problem.region)
+            confirmed = (share * low for share in (1.0, *CHECKED_SHARES) if fails(share * low) is not False)
+            found = replace(found, gamma_min=max(found.gamma_min, next(confirmed, 0.0)))
         found = replace(found, n_steps=found.n_steps + n_tried + 1 + len(CHECKED_SHARES))
     return found
 
@@ -294,19 +300,19 @@ def try_levels(
     itself keeps one.
     """
     test = partial(solve_riccati_pair, problem, quick=not problem.added)
-    ends = max(direct_term_bound(problem), found.gamma_low), found.gamma_min if test(found.gamma_min) else np.inf
+    ends = max(direct_term_bound(problem), found.gamma_min), found.level if test(found.level) else np.inf
     _, level, n_tried = bisect_level(test, ends, tolerance=TOLERANCE, n_steps=n_steps - found.n_steps)
     found = replace(found, n_steps=found.n_steps + n_tried + 1)
     if not np.isfinite(level):
         return found
-    found = replace(found, gamma_min=level)
+    found = replace(found, level=level)
 
     def is_kept(gamma: float) -> bool:
         nonlocal found
         nobody = replace(found, gamma=np.inf, n_steps=found.n_steps + 1)
         reached = keep_if_better(plant, controlled_loop(P, problem, gamma), found=nobody)
         better = reached if reached.gamma < found.gamma else found
-        found = replace(better, gamma_low=reached.gamma_low, n_steps=reached.n_steps)
+        found = replace(better, gamma_min=reached.gamma_min, n_steps=reached.n_steps)
         return reached.gamma <= gamma * 1.001
 
     any(is_kept(gamma) for gamma in level * step * np.array(SINGULAR_STEPS_UP)[: max(0, n_steps - found.n_steps)])
@@ -343,8 +349,8 @@ def keep_if_better(
     if loop is None or achieved >= found.gamma:
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
-    low = max(found.gamma_low, unchangeable_gain(plant, np.array([where])))
-    return replace(found, K=loop[0], gamma=achieved, gamma_low=low)
+    low = max(found.gamma_min, unchangeable_gain(plant, np.array([where])))
+    return replace(found, K=loop[0], gamma=achieved, gamma_min=low)
 
 
 def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
@@ -422,9 +428,11 @@ class Synthesis(Unpacked):
     gamma : float
         Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable. With a `certificate` that
         holds the norm is proved to be below it; else it is only what was computed, and the reason says so.
-    gamma_min, gamma_low : float
-        Least gamma at which the existence conditions were met, and a level that no controller reaches: the largest at
-        which they were seen to fail. Where the problem is singular both are that level, of the problem as it was given.
+    gamma_min : float
+        No controller reaches less: the largest level at which the existence conditions were seen to fail, in many
+        digits where the poles lie decades apart. 0 where no such level is known.
+    level : float
+        Least gamma at which the existence conditions were met; where the problem is singular, gamma_min.
     n_steps : int
         Values of gamma tried.
     reason : str
@@ -442,14 +450,14 @@ class Synthesis(Unpacked):
     --------
     >>> P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [0.0], [1.0]], [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
     >>> found = hinfsyn(P, 1, 1)
-    >>> bool(found.gamma_low <= found.gamma_min <= found.gamma < np.inf), found.reason
+    >>> bool(found.gamma_min <= found.level <= found.gamma < np.inf), found.reason
     (True, '')
     """
 
     K: control.StateSpace
     gamma: float
     gamma_min: float
-    gamma_low: float
+    level: float
     n_steps: int
     reason: str
     certificate: Certificate | None = None
@@ -571,18 +579,99 @@ def synthesise(
         raise ValueError(
             f"P must have more than n_y = {n_y} outputs and n_u = {n_u} inputs, got {P.noutputs} and {P.ninputs}"
         )
+    wanted = gamma_min, tolerance, factor
     plant = prepare_plant(P, n_y, n_u)
     hidden = hidden_mode(plant)
     if hidden:
         raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
-    nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
-    best = Synthesis(K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, n_steps=0, reason="")
+    found = synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
+    found = settle_lower_bound(P, plant, found=found, factor=factor)
+    if is_far_from_bound(found, wanted) and found.n_steps < n_steps:
+        others = controllers_by_other_means(P, plant, wanted=wanted, n_steps=n_steps - found.n_steps)
+        for loop in (close_stable_loop(P, K) for K in others):
+            achieved = norm_as_given(loop[1])[0] if loop else np.inf
+            if loop and achieved < found.gamma:
+                found = replace(found, K=loop[0], gamma=achieved)
+        low = min(found.gamma_min, found.gamma)
+        found = replace(found, gamma_min=low, reason=found.reason if is_far_from_bound(found, wanted) else "")
+    return found
+
+
+def synthesise_as_given(
+    P: control.StateSpace, plant: Plant, *, wanted: tuple[float, float, float], n_steps: int
+) -> Synthesis:
+    """Return the best controller by Riccati equations in the coordinates of P, of a regular or a singular problem."""
+    nothing = control.StateSpace([], [], [], np.zeros((plant.into_u.shape[0], plant.out_of_y.shape[1])), P.dt)
+    best = Synthesis(K=nothing, gamma=np.inf, level=np.inf, gamma_min=0.0, n_steps=0, reason="")
     problem = normalise_plant(plant)
     if problem is not None and not any(map(has_zero_on_axis, (problem, dual_plant(problem)))):
-        best = synthesise_regular(P, problem, nothing=best, wanted=(gamma_min, tolerance, factor), n_steps=n_steps)
+        best = synthesise_regular(P, problem, nothing=best, wanted=wanted, n_steps=n_steps)
     if best.found or best.n_steps >= n_steps:
         return best
-    return synthesise_singular(P, plant, nothing=best, wanted=(gamma_min, factor), n_steps=n_steps - best.n_steps)
+    wanted_singular = wanted[0], wanted[2]
+    return synthesise_singular(P, plant, nothing=best, wanted=wanted_singular, n_steps=n_steps - best.n_steps)
+
+
+# ---- Stiff plants: a lower bound that rounding has no part in, and controllers by other means.
+
+STIFF = 1e5  # of the largest number of A to the slowest pole, from where rounding was seen to make bounds false
+NEAR_BOUND = 1.02  # times `factor`: beyond it other controllers are tried
+STATIC_SIZES = np.geomspace(1e-3, 1e3, 13)  # of a static controller, times the inverse of the gain from u to y
+
+
+def is_far_from_bound(found: Synthesis, wanted: tuple[float, float, float]) -> bool:
+    """Return whether a controller is not as near to the lower bound as it should be, nor good enough."""
+    return bool(found.gamma > max(NEAR_BOUND * wanted[2] * found.gamma_min, wanted[0]))
+
+
+def fails_in_digits(
+    P: control.StateSpace, plant: Plant, level: float, *, circle: tuple[float, ...] = ()
+) -> bool | None:
+    """Return whether no controller reaches a level, in many digits; None where it is not known, or P not stiff."""
+    speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
+    slowest = speeds[speeds > 0].min(initial=np.inf)
+    if not np.linalg.norm(plant.A) > STIFF * slowest:
+        return None
+    ends = tuple(plant.speed * end for end in circle)
+    return level_fails(to_matrices(P), plant.into_u, plant.out_of_y, level, circle=ends)
+
+
+def settle_lower_bound(P: control.StateSpace, plant: Plant, *, found: Synthesis, factor: float) -> Synthesis:
+    """With a lower bound that many digits confirm where the poles lie decades apart, and never above gamma."""
+    low, reached = min(found.gamma_min, found.gamma), found.gamma * ROUNDING_FACTOR
+    fails = partial(fails_in_digits, P, plant)
+    # a level that was reached must not fail: else the problem is singular, and nothing is learnt
+    if found.found and fails(reached) is False:
+        ends = (0.0, low) if low and not fails(low) else (low, reached)
+        if ends[0] == 0 or found.gamma > NEAR_BOUND * factor * low:
+            low = bisect_level(lambda level: not fails(level), ends, tolerance=TOLERANCE, n_steps=MOST_STEPS)[0]
+    return replace(found, gamma_min=min(low, found.gamma))
+
+
+def controllers_by_other_means(
+    P: control.StateSpace, plant: Plant, *, wanted: tuple[float, float, float], n_steps: int
+) -> list[control.StateSpace]:
+    """Return the zero controller, static ones, and the best in coordinates that balance the Gramians of P."""
+    n_u, n_y = plant.into_u.shape[0], plant.out_of_y.shape[1]
+    omega = np.unique(np.abs(np.linalg.eigvals(P.A))) if P.nstates else np.ones(1)
+    speeds = np.abs(to_s_plane(omega, timebase(P))) if timebase(P) else omega
+    speeds = speeds[speeds > 0]
+    inverses = [np.zeros((n_u, n_y))]
+    for at in (speeds.min(initial=1.0) / 10, speeds.max(initial=1.0)):
+        inverses += list(
+            STATIC_SIZES[:, None, None] * np.linalg.pinv(response_by_channel(P, np.array([at]))[-n_y:, -n_u:, 0].real)
+        )
+    found = [control.StateSpace([], [], [], sign * M, P.dt) for M in inverses for sign in (1, -1)]
+    try:
+        T = well_conditioned_with(continuous_image(P))[1]
+        back = np.linalg.inv(T)
+        balanced = control.StateSpace(T @ P.A @ back, T @ P.B, P.C @ back, P.D, P.dt)
+        other = prepare_plant(balanced, n_y, n_u)
+        if not hidden_mode(other):
+            found.append(synthesise_as_given(balanced, other, wanted=wanted, n_steps=n_steps).K)
+    except np.linalg.LinAlgError:  # no balanced coordinates
+        pass
+    return found
 
 
 def synthesise_singular(
@@ -594,13 +683,13 @@ def synthesise_singular(
     if not found.found:
         why = ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
         return replace(nothing, n_steps=n_tried, reason=why)
-    low = min(found.gamma_low, found.gamma) if found.gamma_low > KERNEL_TOLERANCE * found.gamma else 0.0
+    low = min(found.gamma_min, found.gamma) if found.gamma_min > KERNEL_TOLERANCE * found.gamma else 0.0
     reason = ""
     if found.gamma > SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
         why = ALL_STEPS_MADE if late else "the problem is singular"
         known = f"no controller reaches less than {low:.4g}" if low > 0 else "no lower bound was found"
         reason = f"{why}: gamma {found.gamma:.4g} was reached, {known}"
-    return replace(found, gamma_min=low, gamma_low=low, n_steps=n_tried, reason=reason)
+    return replace(found, level=low, gamma_min=low, n_steps=n_tried, reason=reason)
 
 
 def synthesise_regular(
@@ -617,7 +706,7 @@ def synthesise_regular(
     low, high, n_tried = bisect_level(
         lambda gamma: solve_riccati_pair(problem, gamma), ends, tolerance=tolerance, n_steps=n_steps, enough=enough
     )
-    best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_tried)
+    best = replace(nothing, gamma_min=low, level=high, n_steps=nothing.n_steps + n_tried)
     late = n_tried >= n_steps
     if not np.isfinite(high):
         what = ALL_STEPS_MADE if late else f"no level up to {LARGEST_GAMMA:.0e} met the existence conditions"

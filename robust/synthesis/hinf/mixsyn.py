@@ -118,7 +118,7 @@ def mixsyn(
     return Design(
         K=K,
         gamma=found.gamma,
-        gamma_min=found.gamma_low,
+        gamma_min=found.gamma_min,
         met=found.found,
         reason=reason,
         certificate=found.certificate,

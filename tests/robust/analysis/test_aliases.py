@@ -252,3 +252,11 @@ def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
     assert check(between, K).verdict == "not certified"
     far = check(the_set(G, gain(8 * unit.margins.rs), perturbation="operator"), K)
     assert far.verdict == "not robust"
+
+
+def test_an_inverse_weight_that_stays_near_one_far_above_nyquist_is_bounded_as_closely_as_it_counts():
+    """|w| = 0.96 at every alias: bounds that are 5 % above it would leave nothing below one."""
+    w = control.tf([0.96, 0.96], [1, 3])
+    at = np.array([1.0, 2.0])
+    model = UncertaintyModel(control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.1 * at, perturbation="LTI")
+    assert check(model, control.ss([], [], [], [[0.02]], 0.1)).verdict == "robust"

@@ -33,7 +33,7 @@ def test_deficient_plants_have_the_answer_of_their_closed_form(family, seed):
 def test_two_equal_actuators_do_what_one_does(a):
     both, one = (hinfsyn(control.ss([[-a]], *matrices), 1, n) for matrices, n in ((EQUAL, 2), (ALONE, 1)))
     assert both.gamma == pytest.approx(one.gamma, rel=1e-6)
-    assert both.gamma_low == pytest.approx(one.gamma_low, rel=1e-3)
+    assert both.gamma_min == pytest.approx(one.gamma_min, rel=1e-3)
     assert both.certified
     assert both.K.D.shape == (2, 1)
     np.testing.assert_allclose(both.K.C[0], both.K.C[1])  # they share the work
@@ -48,7 +48,7 @@ def test_where_nothing_helps_the_controller_is_zero(a):
         found = hinfsyn(P, 1, 1)
         assert (found.K.nstates, found.K.D.item()) == (0, 0.0)
         assert found.gamma == pytest.approx(1 / a, rel=1e-6)
-        assert found.gamma_low == pytest.approx(1 / a, rel=1e-6)
+        assert found.gamma_min == pytest.approx(1 / a, rel=1e-6)
         assert found.certified
         assert found.reason == ""
 
@@ -94,7 +94,7 @@ def test_terrain_following(measured, known):
     found = hinfsyn(P, n_y, n_u)
     assert found.certified
     assert found.gamma <= 1.04 * known
-    assert 0.96 * known <= found.gamma_low <= found.gamma
+    assert 0.96 * known <= found.gamma_min <= found.gamma
     assert max(lft_gain(P, found.K, w) for w in (1e-9, 1e-6, 1e-3, 0.1, 0.3)) <= found.gamma
 
 
@@ -120,7 +120,7 @@ def test_a_problem_without_a_bound_says_so():
     P = control.tf([[[-1], [-1]], [[-1], [-1]]], [[[1, 1], [1, 12, 20]], [[1, 1], [1, 12, 20]]])
     found = hinfsyn(P, 1, 1)
     assert found.gamma < 1e-2
-    assert found.gamma_low == 0
+    assert found.gamma_min == 0
     assert found.reason.endswith("was reached, no lower bound was found")
 
 

@@ -44,7 +44,7 @@ def test_sp_example_2_17():
     P = mixed_sensitivity(BOOK, control.ss(control.tf([1 / 1.5, 10], [1, 1e-3])))
     found = hinfsyn(P, 1, 1)
     assert found.gamma_min == pytest.approx(1.366, abs=5e-4)
-    assert found.gamma_low < found.gamma_min < found.gamma_low * 1.0002
+    assert found.gamma_min < found.level < found.gamma_min * 1.0002
     assert found.gamma <= 1.01 * found.gamma_min
     assert found.reason == ""
 
@@ -74,11 +74,11 @@ def test_several_inputs_and_outputs_with_every_direct_term(dt):
         P = random_plant(rng, int(rng.integers(1, 11)), n_y + 1, n_u, n_u + 2, n_y, dt)
         found = hinfsyn(P, n_y, n_u)
         assert found.found
-        assert found.gamma_low < found.gamma_min  # a regular problem
+        assert found.gamma_min < found.level  # a regular problem
         closed = lower_lft(P, found.K)
         assert decide_stability(closed).stable
         assert norm_on_a_grid(closed) <= found.gamma * (1 + 1e-6)
-        assert found.gamma_low * (1 - 1e-6) <= found.gamma <= 1.011 * found.gamma_min
+        assert found.gamma_min * (1 - 1e-6) <= found.gamma <= 1.011 * found.gamma_min
         # no controller beats the lower end of the bracket: some that stabilise the loop too
         for _ in range(10):
             K = control.StateSpace(
@@ -86,7 +86,7 @@ def test_several_inputs_and_outputs_with_every_direct_term(dt):
             )
             other = lower_lft(P, K)
             if decide_stability(other).stable:
-                assert norm_on_a_grid(other) > found.gamma_low * 0.999
+                assert norm_on_a_grid(other) > found.gamma_min * 0.999
 
 
 def test_the_bilinear_map_keeps_the_optimum():
@@ -110,14 +110,14 @@ def test_singular_problems_are_made_regular_and_judged_without():
     integrator = control.ss(control.tf([1], [1, 0]))
     for P in (mixed_sensitivity(integrator, w_P), mixed_sensitivity(BOOK, w_P, 0.0)):
         found = hinfsyn(P, 1, 1)
-        assert found.gamma_low == found.gamma_min  # a singular problem
+        assert found.level == found.gamma_min  # a singular problem
         assert norm_on_a_grid(lower_lft(P, found.K)) <= found.gamma * (1 + 1e-6)
         assert found.gamma < 5
 
 
 def test_good_enough_is_enough_and_the_cap_is_kept():
     P = mixed_sensitivity(BOOK, control.ss(control.tf([1 / 1.5, 10], [1, 1e-3])))
-    assert 2.0 <= hinfsyn(P, 1, 1, gamma_min=2.0).gamma_min < 2.001
+    assert 2.0 <= hinfsyn(P, 1, 1, gamma_min=2.0).level < 2.001
     hurried = hinfsyn(P, 1, 1, n_steps=1)
     assert not hurried.found
     assert hurried.n_steps == 1
@@ -132,7 +132,7 @@ def test_a_level_with_an_undamped_solution_is_not_met():
     C = [[0.57, -0.01, -0.56], [-0.87, 3.07, -0.08], [-2.02, -0.65, 0.68]]
     found = hinfsyn(control.ss(A, B, C, [[0, 0, 0], [0, 0, 1], [0, 1, 0]], 0), 1, 1)
     assert found.reason == ""
-    assert found.gamma_low <= found.gamma_min <= found.gamma <= 1.0101 * found.gamma_min
+    assert found.gamma_min <= found.level <= found.gamma <= 1.0101 * found.level
 
 
 def hidden(mode, reached):

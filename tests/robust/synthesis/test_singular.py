@@ -54,8 +54,8 @@ def test_weighted_sensitivity_in_closed_form(G, least):
     expected = least(w_P)
     found = hinfsyn(P, 1, 1)
     assert expected * (1 - 1e-6) <= found.gamma <= 1.03 * expected
-    assert 0.97 * expected <= found.gamma_low <= expected * (1 + 1e-6)
-    assert found.gamma_min == found.gamma_low
+    assert 0.97 * expected <= found.gamma_min <= expected * (1 + 1e-6)
+    assert found.level == found.gamma_min
     assert decide_stability(lower_lft(P, found.K)).stable
     assert on_a_grid(P, found.K) <= found.gamma * (1 + 1e-6)
 
@@ -66,7 +66,7 @@ def test_published_problems_with_singular_parts(name):
     P, n_y, n_u = problem(name)
     found = hinfsyn(P, n_y, n_u)
     assert found.gamma <= 1.03 * BEST[name]
-    assert found.gamma_low <= min(found.gamma, 1.001 * BEST[name])
+    assert found.gamma_min <= min(found.gamma, 1.001 * BEST[name])
     assert on_a_grid(P, found.K) <= found.gamma * (1 + 1e-6)
 
 
@@ -104,7 +104,7 @@ def test_the_first_call_of_mixsyn_is_near_its_infimum(G, w_P):
 def test_a_gap_that_stays_is_said():
     P, n_y, n_u = problem("NN9")
     found = hinfsyn(P, n_y, n_u)
-    assert found.gamma > 1.03 * found.gamma_low
+    assert found.gamma > 1.03 * found.gamma_min
     assert f"gamma {found.gamma:.4g} was reached" in found.reason
 
 
@@ -120,7 +120,7 @@ def test_random_singular_plants_keep_their_bounds():
         P = control.StateSpace(A, B, C, np.zeros((3, 3)), 0)
         found = hinfsyn(P, 1, 1)
         assert found.found
-        assert found.gamma_low <= found.gamma
+        assert found.gamma_min <= found.gamma
         size = 1e-3
         D = np.zeros((4, 4))
         D[2, 3], D[3, 2] = size, size
@@ -131,7 +131,7 @@ def test_random_singular_plants_keep_their_bounds():
         if other is not None and decide_stability(other).stable:
             omega = np.geomspace(1e-4, 1e6, 2000)
             values = evaluate_transfer(other.A, other.B, other.C, other.D, 1j * omega)
-            assert np.linalg.svd(values, compute_uv=False)[:, 0].max() >= found.gamma_low * (1 - 1e-6)
+            assert np.linalg.svd(values, compute_uv=False)[:, 0].max() >= found.gamma_min * (1 - 1e-6)
 
 
 def test_discs_and_half_planes_and_back():

@@ -1,0 +1,291 @@
+"""The smallest perturbation that takes a pole of a loop to its stability boundary.
+
+Real numbers make a loop singular at isolated frequencies only, and a grid of frequencies steps over them. Poles need no
+grid: they are followed from the nominal loop outwards, along the corners of the box of parameters, along directions
+inside it, along what moves each pole most, and from the best of them uphill (de Gaston & Safonov 1988 look at corners;
+first-order moves as in Seiler 2010; along the structured pseudospectral abscissa Guglielmi, Rehman & Kressner 2017).
+The frequency is that of the pole, at its peak. What is found is a fact about the loop; that nothing was found proves
+nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.lti import response_by_channel, timebase, to_s_plane
+from robust.mu.blocks import BlockStructure
+from robust.mu.perturbations import MOVES, align_perturbation, normalize_perturbation
+from robust.proofs.search.stability import decide_stability
+
+MAX_CORNER_PARAMETERS = 6  # parameters up to which every corner is looked at
+N_DIRECTIONS = 48  # random directions beside them
+N_SIZES = 24  # sizes looked at on the way out
+N_IMPROVEMENTS = 15  # attempts to do better from the best perturbations
+N_ASCENTS = 8  # perturbations that are moved uphill each time
+CLOSER = 1e-3, 1e-6  # relative reductions of the size that are looked for, first the one, then the other
+SINGULAR = 1e-6  # least singular value of the loop at the boundary, relative to the largest
+
+
+@value
+class Crossing:
+    """A perturbation that brings a pole to the stability boundary.
+
+    Fields
+    ------
+    size : float
+        Largest singular value of the blocks that grow.
+    delta : (n_in, n_out) ndarray
+        The perturbation.
+    omega : float
+        Where the pole crosses [rad/s].
+    """
+
+    size: float
+    delta: np.ndarray
+    omega: float
+
+
+@value(copy=False)
+class PerturbedLoop:
+    """A system as a function of the perturbation that closes it, as K of them (K, n_in, n_out) of size one.
+
+    Fields
+    ------
+    A, B, C, D : ndarray
+        The system.
+    s : BlockStructure
+        The blocks.
+    growing : (n_in, n_out) bool ndarray
+        Entries of the blocks whose size is looked for; the others are at most one.
+    dt : float
+        Sampling time [s], 0 for continuous.
+    n_unstable : int
+        Poles beyond the stability boundary without a perturbation.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    s: BlockStructure
+    growing: np.ndarray
+    dt: float
+    n_unstable: int
+
+    @classmethod
+    def of(cls, N: control.StateSpace, s: BlockStructure, growing: np.ndarray) -> PerturbedLoop:
+        """Return the loop of a system with the blocks (K,) that grow."""
+        kept, grown = moved_states(N), np.zeros(s.shape[::-1], bool)
+        for grows, row, col in zip(growing, s.rows, s.cols, strict=True):
+            grown[col, row] = grows
+        A = N.A[np.ix_(kept, kept)]
+        beyond = boundary_excess(np.linalg.eigvals(A), N) if kept.size else np.zeros(0)
+        return cls(
+            A=A,
+            B=N.B[kept],
+            C=N.C[:, kept],
+            D=N.D,
+            s=s,
+            growing=grown,
+            dt=timebase(N),
+            n_unstable=int((beyond > 0).sum()),
+        )
+
+    def sized(self, E: np.ndarray, size: float) -> np.ndarray:
+        """Return the perturbations with the blocks that grow at a size; real where they are."""
+        delta = np.where(self.growing, size * E, E)
+        return delta if delta.imag.any() else delta.real
+
+    def closed(self, delta: np.ndarray) -> np.ndarray:
+        """Return (K, n, n) state matrices."""
+        loop = np.linalg.solve(
+            np.eye(self.D.shape[0]) - self.D @ delta, np.broadcast_to(self.C, (len(delta), *self.C.shape))
+        )
+        return np.asarray(self.A + self.B @ (delta @ loop))
+
+    def excess(self, E: np.ndarray, size: float) -> np.ndarray:
+        """(K,) how far a pole has crossed the stability boundary; inf where the loop has no solution."""
+        try:
+            beyond = boundary_excess(np.linalg.eigvals(self.closed(self.sized(E, size))), self)
+        except np.linalg.LinAlgError:
+            return np.full(len(E), np.inf)
+        if not self.n_unstable:
+            return np.asarray(beyond.max(axis=1))
+        nearest = np.abs(beyond).min(axis=1)
+        return np.where((beyond > 0).sum(axis=1) == self.n_unstable, -nearest, nearest)
+
+    def towards_boundary(self, delta: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
+        """(K, n_in, n_out) perturbations of size one that move most the pole nearest to the boundary, or `which`."""
+        values, right = np.linalg.eig(self.closed(delta))
+        beyond, each = boundary_excess(values, self), np.arange(len(delta))
+        if which is None:
+            which = (-np.abs(beyond) if self.n_unstable else beyond).argmax(axis=1)
+        left = np.linalg.pinv(right)[each, which]
+        pole, inner = values[each, which], np.eye(self.D.shape[1]) - delta @ self.D
+        drive = np.linalg.solve(inner.swapaxes(1, 2), (left @ self.B)[:, :, None])[:, :, 0]
+        reads = np.linalg.solve(
+            np.eye(self.D.shape[0]) - self.D @ delta, (right[each, :, which] @ self.C.T)[:, :, None]
+        )[:, :, 0]
+        turn = pole / np.maximum(np.abs(pole), 1e-300) if self.dt else np.ones(len(delta))
+        turn = np.where(beyond[each, which] < 0, turn, -turn)
+        return align_perturbation(drive.conj(), reads, turn=turn, s=self.s)
+
+    def uphill(self, E: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return perturbations moved once towards the boundary, as far as is best, and their excess."""
+        now = self.excess(E, size)
+        try:
+            corner = self.towards_boundary(self.sized(E, size) + np.zeros(1))
+        except np.linalg.LinAlgError:
+            return E, now
+        E = E + 0j
+        moved = E.copy()
+        for share in MOVES:
+            tried = (1 - share) * E + share * np.nan_to_num(corner)
+            tried = tried if set(self.s.kinds) == {"real"} else normalize_perturbation(tried, self.s)
+            reached = self.excess(tried, size)
+            moved[reached > now], now = tried[reached > now], np.maximum(now, reached)
+        return moved, now
+
+    def crossing_size(self, E: np.ndarray, inner: float, outer: float) -> float:
+        """Return the size between one on this side of the boundary and one beyond it where E crosses, from above."""
+        if self.excess(E[None], 0.0)[0] > 0:
+            return 0.0
+        for _ in range(50):
+            middle = (inner + outer) / 2
+            inner, outer = (inner, middle) if self.excess(E[None], middle)[0] > 0 else (middle, outer)
+            if outer - inner <= 1e-12 * outer:
+                break
+        return outer
+
+
+def find_crossing(
+    N: control.StateSpace,
+    s: BlockStructure,
+    *,
+    least: float,
+    limit: float,
+    growing: np.ndarray | None = None,
+    seeds: np.ndarray | None = None,
+) -> Crossing | None:
+    """Return the smallest perturbation found that takes a pole of a loop to the boundary.
+
+    Parameters
+    ----------
+    N : control.StateSpace
+        What the perturbation closes.
+    s : BlockStructure
+        The blocks.
+    least, limit : float
+        Sizes between which it is looked for.
+    growing : (K,) bool ndarray, optional
+        Blocks whose size is looked for, down to zero; the others are at most one. All when not given.
+    seeds : (S, n_in, n_out) ndarray, optional
+        Perturbations of size one to begin with, beside the usual ones.
+    """
+    if not N.nstates or least >= limit:
+        return None
+    growing = np.ones(len(s.kinds), bool) if growing is None else growing
+    loop = PerturbedLoop.of(N, s, growing)
+    if not loop.A.size:
+        return None
+    starts, inner = first_perturbations(loop, seeds), 0.0
+    for size in [*([] if growing.all() else [0.0]), *np.geomspace(least, limit, N_SIZES)]:
+        excess = loop.excess(starts, size)
+        if excess.max() <= 0 and set(s.kinds) != {"real"}:
+            best = np.argsort(-excess)[:N_ASCENTS]
+            starts[best], excess[best] = loop.uphill(starts[best], size)
+        if excess.max() > 0:
+            break
+        inner = size
+    if excess.max() <= 0:
+        return None
+    E = starts[int(excess.argmax())]
+    E, size = improve(loop, starts, E=E, size=loop.crossing_size(E, inner, size))
+    return verified_crossing(N, loop, E, size)
+
+
+def boundary_excess(poles: np.ndarray, of: control.StateSpace | PerturbedLoop) -> np.ndarray:
+    """Return how far poles of a system are beyond the stability boundary."""
+    return np.asarray(np.abs(poles) - 1 if of.dt else poles.real)
+
+
+def moved_states(N: control.StateSpace) -> np.ndarray:
+    """Return the states that a path leads to from an input and from which one leads to an output: the others stay."""
+    into, out = np.any(N.B != 0, axis=1), np.any(N.C != 0, axis=0)
+    for _ in range(N.nstates):
+        into, out = into | ((N.A != 0) @ into), out | ((N.A != 0).T @ out)
+    return np.flatnonzero(into & out)
+
+
+def first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.ndarray:
+    """Return (K, n_in, n_out) perturbations of size one: parameters by themselves, what moves each pole, the seeds."""
+    s = loop.s
+    real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
+    starts = []
+    if real:
+        directions = search_directions(len(real))
+        starts.append(np.zeros((len(directions), *s.shape[::-1]), complex))
+        for x, k in zip(directions.T, real, strict=True):
+            starts[0][:, s.cols[k], s.rows[k]] = x[:, None, None] * np.eye(s.rows[k].stop - s.rows[k].start)
+    if len(real) < len(s.kinds):
+        upper = np.flatnonzero(np.linalg.eigvals(loop.A).imag >= 0)
+        starts.append(loop.towards_boundary(np.zeros((upper.size, *s.shape[::-1])), upper))
+    if seeds is not None:
+        starts.append(seeds)
+    return np.nan_to_num(np.concatenate(starts))
+
+
+def search_directions(n: int) -> np.ndarray:
+    """Return (K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
+    rng = np.random.default_rng(0)
+    corners = (
+        np.array(list(product((-1.0, 1.0), repeat=n)))
+        if n <= MAX_CORNER_PARAMETERS
+        else np.sign(rng.standard_normal((64, n)))
+    )
+    inside = rng.uniform(-1, 1, (N_DIRECTIONS, n))
+    inside /= np.abs(inside).max(axis=1, keepdims=True)
+    return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
+
+
+def improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float) -> tuple[np.ndarray, float]:
+    """Return a perturbation that crosses at a smaller size, found uphill a little below the present one, and that."""
+    for closer in CLOSER:
+        for _ in range(N_IMPROVEMENTS if size else 0):
+            below = (1 - closer) * size
+            best = starts[np.argsort(-loop.excess(starts, below))[: N_ASCENTS - 1]]
+            tried, excess = loop.uphill(np.concatenate([E[None], best]), below)
+            E = tried[int(excess.argmax())] if excess.max() > 0 else tried[0]
+            if excess.max() <= 0:
+                break
+            size = loop.crossing_size(E, 0.0, below)
+    return E, size
+
+
+def verified_crossing(N: control.StateSpace, loop: PerturbedLoop, E: np.ndarray, size: float) -> Crossing | None:
+    """Return the crossing where the loop is singular at the frequency of the pole, or unstable beyond."""
+    if not size:  # the blocks that do not grow break it alone: as large as they must be
+        loop = replace(loop, growing=~loop.growing)
+        E = np.where(loop.growing, E, 0)
+        found = verified_crossing(N, loop, E, loop.crossing_size(E, 0.0, 1.0))
+        return found and replace(found, size=0.0)
+    delta = loop.sized(E[None], size)
+    poles = np.linalg.eigvals(loop.closed(delta)[0])
+    pole = poles[np.abs(boundary_excess(poles, loop)).argmin()]
+    omega = to_s_plane(np.array([pole]), loop.dt)[0].imag
+    delta, omega = (delta.conj(), -omega) if omega < 0 else (delta, omega)
+    if np.isrealobj(delta) and not loop.n_unstable:
+        beyond = loop.closed(loop.sized(E[None], 1.001 * size))[0]
+        n = len(beyond)
+        farther = control.StateSpace(beyond, np.zeros((n, 1)), np.zeros((1, n)), 0.0, N.dt)
+        fine = decide_stability(farther).unstable
+    else:
+        M = response_by_channel(N, np.array([omega]))[:, :, 0]
+        sizes = np.linalg.svd(np.eye(len(M)) - M @ delta[0], compute_uv=False)
+        fine = bool(sizes[-1] <= SINGULAR * max(1.0, float(sizes[0])))
+    return Crossing(size=float(size), delta=delta[0], omega=float(omega)) if fine else None

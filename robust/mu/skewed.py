@@ -1,0 +1,356 @@
+"""How large some blocks of a perturbation may be: skewed mu at all frequencies, between a proof and a counter-example.
+
+With t on the blocks that grow and the others at most one, the largest t for which mu stays below one at every frequency
+is 1/mu where all blocks grow, 1/(the worst gain) where the performance grows alone, and the robust margin of a gain
+where all but the performance grow (Fan & Tits 1992; SP 8.10.3).
+
+What breaks is a perturbation that takes a pole to the boundary (`robust.mu.crossings`). Upper bounds of mu with real
+blocks may be far above it. Cut into smaller boxes both meet: around its own middle a small box is nearly a point. A
+level is proved box by box (each a certificate at all frequencies), or a box turns up with a pole beyond the stability
+boundary (Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust._base.types import Blocks
+from robust.lti.grids import structure_grid
+from robust.lti.lti import response_by_channel
+from robust.mu.blocks import BlockStructure, block_structure
+from robust.mu.certification import certify_by_intervals
+from robust.mu.crossings import PerturbedLoop, boundary_excess, find_crossing, verified_crossing
+from robust.mu.perturbations import search_perturbation
+from robust.mu.scalings import refine_grid, upper_bound
+from robust.proofs.search.certificate import Certificate
+from robust.proofs.search.stability import decide_stability
+
+MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
+N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
+BOUND_LIMIT = 0.999  # what the bound there has to stay below
+MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
+MOST_BOXES, BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
+FEW_BOXES = 40  # parts of the box that are looked at in some ten seconds
+BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
+LEVEL_ACCURACY = 1e-3  # to which the level is found that the bound leaves on the test frequencies
+#: Of that level, or of what breaks, what is tried to be proved of the whole box: a peak may have been missed.
+WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
+
+
+@value(copy=False)
+class SkewedMargin:
+    """A loop, what breaks it, and the boxes that were proved at a level.
+
+    Fields
+    ------
+    N : control.StateSpace
+    blocks : list
+    s : BlockStructure
+    growing : (K,) bool ndarray
+        Blocks whose size is looked for.
+    n_unstable : int
+        Unstable poles of N.
+    left : int
+        How many parts of the box may be looked at.
+    level : float
+        Size of the blocks that grow, proved of the boxes; 0: nothing is.
+    broken, delta, omega : float, (n_in, n_out) ndarray, float
+        Least size found at which a perturbation, that one, breaks the loop (inf: none), and where [rad/s].
+    boxes : list of (middle, half) of (K,) ndarray
+        Boxes to look at, or those that were proved; complex blocks stay whole.
+    certificates : tuple
+        Of the latter.
+    reason : str
+        Why level and broken are not closer: empty where they are as close as was asked.
+    """
+
+    N: control.StateSpace
+    blocks: Blocks
+    s: BlockStructure
+    growing: np.ndarray
+    n_unstable: int
+    left: int
+    level: float
+    broken: float
+    delta: np.ndarray
+    omega: float
+    boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    certificates: tuple[Certificate, ...] = ()
+    reason: str = ""
+
+    def sizes(self, level: float) -> np.ndarray:
+        """Return (n_out,) the size of the block that reads each output of N, at a level."""
+        lengths = [row.stop - row.start for row in self.s.rows]
+        return np.repeat(np.where(self.growing, level, 1.0), lengths)
+
+    @property
+    def real(self) -> np.ndarray:
+        """(r,) which blocks are real."""
+        return np.flatnonzero([kind == "real" for kind in self.s.kinds])
+
+
+def skewed_margin(
+    N: control.StateSpace,
+    blocks: Blocks,
+    *,
+    growing: np.ndarray | None = None,
+    gap: float,
+    max_boxes: int = FEW_BOXES,
+) -> SkewedMargin:
+    """Return how large the blocks that grow may be, all when not given, to a relative gap where that is found.
+
+    The poles of N are on neither side of the question where all blocks are at most one: no perturbation below the level
+    takes a pole to the stability boundary.
+    """
+    s, nominal = block_structure("blocks", blocks), decide_stability(N)
+    K = len(s.kinds)
+    growing = np.ones(K, bool) if growing is None else growing
+    search = SkewedMargin(
+        N=N,
+        blocks=blocks,
+        s=s,
+        growing=growing,
+        n_unstable=0 if nominal.stable else int(np.sum(boundary_excess(N.poles(), N) > 0)),
+        left=max_boxes,
+        level=0.0,
+        broken=np.inf,
+        delta=np.full(s.shape[::-1], np.nan),
+        omega=np.nan,
+        boxes=((np.zeros(K), np.ones(K)),),
+        reason="" if nominal.stable or nominal.unstable else f"the system is {nominal}",
+    )
+    if not nominal.stable and (search.reason or nominal.at_boundary or not search.n_unstable):
+        return replace(search, reason=search.reason or f"the system is {nominal}")
+    omega, start = level_on_grid(search)
+    search = find_broken(search, omega, start)
+    return close_gap(search, start, gap)
+
+
+def scaled_system(search: SkewedMargin, level: float) -> control.StateSpace:
+    """Return the system with the blocks that grow at a level."""
+    N, size = search.N, search.sizes(level)[:, None]
+    return control.StateSpace(N.A, N.B, size * N.C, size * N.D, N.dt)
+
+
+def level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
+    """Return frequencies around the peak, and the level at which the bound is one there: 0 where there is none."""
+    omega = structure_grid(search.N)
+    omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
+    if search.growing.all():
+        omega, mu = refine_grid(search.N, search.blocks, omega=omega)
+        return omega[np.sort(np.argsort(-mu)[:4])], 1 / max(float(mu.max()), 1 / MAX_FACTOR)
+    M = np.moveaxis(response_by_channel(search.N, omega), 2, 0)
+
+    def bound(level: float) -> np.ndarray:
+        return upper_bound(search.sizes(level)[:, None] * M, search.blocks, target=1.0).value
+
+    # the level changes the bound by no more than its own factor: a step up by it stays below one
+    size = np.linalg.norm(M, axis=(1, 2)).max()
+    low, high = 0.0, np.inf
+    level = 1 / max(size, 1e-300)
+    for _ in range(60):
+        if bound(level).max() < 1:
+            low = level
+        else:
+            high = level
+        if high <= low * (1 + LEVEL_ACCURACY) or low > MAX_FACTOR * 1e3 / size or high < 1e-9 / size:
+            break
+        level = 8 * low if np.isinf(high) else high / 8 if not low else np.sqrt(low * high)
+    peaks = np.argsort(-bound(low or high))[:4]
+    if low:
+        omega, mu = refine_grid(scaled_system(search, low), search.blocks, omega=omega)
+        peaks, low = np.argsort(-mu)[:4], low / max(1.0, float(mu.max()))
+    return omega[np.sort(peaks)], low
+
+
+def find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> SkewedMargin:
+    """Return the search with the smallest perturbation that was found to break the loop."""
+    size = 1 / max(np.linalg.norm(response_by_channel(search.N, omega), axis=(0, 1)).max(), 1e-300)
+    level = start or size
+    M = np.moveaxis(response_by_channel(scaled_system(search, level), omega), 2, 0)
+    found = search_perturbation(M, search.s, n_starts=2, rng=np.random.default_rng(0))
+    assert found.delta is not None  # of a lower bound
+    units = np.nan_to_num(np.moveaxis(found.delta, 2, 0) * found.value[:, None, None])
+    crossing = find_crossing(
+        search.N, search.s, least=1e-3 * level, limit=100 * level, growing=search.growing, seeds=units
+    )
+    if crossing is not None:
+        search = replace(search, broken=crossing.size, delta=crossing.delta, omega=crossing.omega)
+    k = int(found.value.argmax())
+    if found.value[k] > 0 and (search.growing.all() or found.value[k] >= 1) and level / found.value[k] < search.broken:
+        delta = found.delta[:, :, k] * search.sizes(level)
+        search = replace(search, broken=level / float(found.value[k]), delta=delta, omega=float(omega[k]))
+    return search
+
+
+def close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
+    """Return the search with a level proved, as near to what breaks the loop as parts of the box allow."""
+    kept = search
+    for share in WHOLE_SHARES:
+        level = share * min(start, search.broken, MAX_FACTOR)
+        proof = (
+            certify_by_intervals(scaled_system(search, level), search.blocks, 1.0, most=BOX_INTERVALS)
+            if level
+            else None
+        )
+        if proof is not None and proof.holds:
+            kept = replace(search, level=level, certificates=(proof,))
+            break
+    low, top = kept.level, np.inf
+    reason = (
+        "the bound by scalings is not closer, and there are no real blocks to be cut" if not search.real.size else ""
+    )
+    while search.broken > low * (1 + gap) and low < MAX_FACTOR and not reason:
+        level = next_level(low, min(search.broken, top), gap)
+        tried = prove_level(replace(search, level=level, left=(search.left + 1) // 2))
+        search = replace(search, left=search.left // 2 + tried.left)
+        if not tried.reason:
+            low, kept = tried.level, tried
+        elif tried.broken < search.broken:
+            search = replace(search, broken=tried.broken, delta=tried.delta, omega=tried.omega)
+        else:
+            top = level
+            reason = tried.reason if search.left < 2 or top < low * (1 + 2 * gap) else ""
+    met = search.broken <= low * (1 + gap) or low >= MAX_FACTOR
+    return replace(search, level=low, boxes=kept.boxes, certificates=kept.certificates, reason="" if met else reason)
+
+
+def next_level(low: float, broken: float, gap: float) -> float:
+    """Return the level to be proved next: all that the gap leaves where that is near, else between what is known."""
+    near = min(broken, MAX_FACTOR) / (1 + 0.9 * gap)
+    if np.isinf(broken):
+        return min(2 * low, MAX_FACTOR) if low else 1.0
+    return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
+
+
+def prove_level(search: SkewedMargin) -> SkewedMargin:
+    """Return the level proved on every part of the box; or broken below it, or the reason why it stays open."""
+    waiting, proved, proofs = list(search.boxes), [], []
+    while waiting:
+        if not search.left:
+            return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are looked at")
+        search, box = replace(search, left=max(search.left - box_cost(search.s), 0)), waiting.pop()
+        N = box_system(search, box)
+        if N is not None and has_poles_of_nominal(search, N):
+            proof, peak_at = prove_box(search, N)
+            if proof is not None:
+                proved.append(box)
+                proofs.append(proof)
+                continue
+            found = try_box(search, N, box)
+        else:
+            peak_at = np.nan
+            found = try_perturbation(search, place_parameters(search.s, box[0]))
+        if found.broken < search.broken:
+            return replace(found, reason="broken")
+        parts = split_box(search, box, peak_at)
+        if not parts:
+            return replace(search, reason="a part of the box is too thin to be cut, and open")
+        waiting += parts
+    return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
+
+
+def box_cost(s: BlockStructure) -> int:
+    """Return as how many parts of the box one counts, where its scalings are very many."""
+    return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // BOX_WORK)
+
+
+def box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
+    """Return what perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
+    s, (middle, half) = search.s, box
+    N = scaled_system(search, search.level)
+    C, H = place_parameters(s, middle).real, np.repeat(half, [col.stop - col.start for col in s.cols])
+    return_difference = np.eye(s.shape[0]) - N.D @ C
+    if np.linalg.cond(return_difference) > 1e12:
+        return None
+    y = np.linalg.solve(return_difference, np.hstack([N.C, N.D * H]))  # (rows, n + cols)
+    y_x, y_v = y[:, : N.nstates], y[:, N.nstates :]
+    return control.StateSpace(N.A + N.B @ C @ y_x, N.B @ (C @ y_v + np.diag(H)), y_x, y_v, N.dt)
+
+
+def has_poles_of_nominal(search: SkewedMargin, N: control.StateSpace) -> bool:
+    """Return whether N has as many unstable poles as the system without a perturbation."""
+    if not search.n_unstable:
+        return decide_stability(N).stable
+    return int(np.sum(boundary_excess(N.poles(), N) > 0)) == search.n_unstable
+
+
+def prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate | None, float]:
+    """The proof that mu of a part stays below one, where a few frequencies do not contradict it; and where it peaks."""
+    omega = structure_grid(N)
+    omega = omega[np.linspace(0, omega.size - 1, N_TEST_FREQUENCIES).astype(int)]
+    if np.isfinite(search.omega):
+        omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
+    mu = upper_bound(np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=BOUND_LIMIT).value
+    where = float(omega[mu.argmax()])
+    if not mu.max() < BOUND_LIMIT:
+        return None, where
+    proof = certify_by_intervals(N, search.blocks, 1.0, most=BOX_INTERVALS)
+    return (proof if proof.holds else None), where
+
+
+def try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]) -> SkewedMargin:
+    """With a perturbation of a part of the box that breaks the loop, if it is smaller than the one known."""
+    found = find_crossing(N, search.s, least=1e-3, limit=1.0)
+    if found is None:
+        return search
+    C, H = place_parameters(search.s, box[0]), np.repeat(box[1], [col.stop - col.start for col in search.s.cols])
+    return try_perturbation(search, C + H[:, None] * found.delta)
+
+
+def try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
+    """With the smallest size at which this perturbation breaks the loop, if it is smaller than the one known.
+
+    It has size one: the blocks that grow are as large as that times the level, at which it breaks the loop.
+    """
+    loop = PerturbedLoop.of(search.N, search.s, search.growing)
+    high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if loop.excess(E[None], t * search.level)[0] > 0), None)
+    if high is None:
+        return search
+    found = verified_crossing(search.N, loop, E, loop.crossing_size(E, 0.0, high * search.level))
+    if found is None or found.size * np.abs(E).max() >= search.broken:
+        return search
+    return replace(search, broken=found.size, delta=found.delta, omega=found.omega)
+
+
+def place_parameters(s: BlockStructure, x: np.ndarray) -> np.ndarray:
+    """Return the perturbation (n_in, n_out) with the numbers (K,) in its real blocks."""
+    delta = np.zeros(s.shape[::-1], complex)
+    for kind, row, col, number in zip(s.kinds, s.rows, s.cols, x, strict=True):
+        if kind == "real":
+            delta[col, row] = number * np.eye(row.stop - row.start)
+    return delta
+
+
+def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """Return (K,) the numbers of the real blocks of a perturbation, nan for the others."""
+    return np.array(
+        [
+            delta[col.start, row.start].real if kind == "real" else np.nan
+            for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True)
+        ]
+    )
+
+
+def split_box(
+    search: SkewedMargin, box: tuple[np.ndarray, np.ndarray], omega: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
+    middle, half = box
+    found: list[list[tuple[np.ndarray, np.ndarray]]] = []
+    for k in search.real:
+        if half[k] >= MIN_BOX_WIDTH:
+            move = half * (np.arange(half.size) == k) / 2
+            found.append([(middle - move, half - move), (middle + move, half - move)])
+    if not found:
+        return []
+    worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # the widest, where nothing else is known
+    cut = [box_system(search, part) for parts in found for part in parts]
+    if np.isfinite(omega) and all(N is not None for N in cut):
+        responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
+        worst = upper_bound(responses, search.blocks).value.reshape(-1, 2).max(axis=1)
+    return found[int(worst.argmin())]

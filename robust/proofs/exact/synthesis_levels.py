@@ -1,0 +1,148 @@
+"""Whether a level of H-infinity synthesis can be reached, in many digits: no controller reaches one that cannot.
+
+Between states that lie decades apart rounding lets the existence conditions fail at levels that are reached. Here the
+plant is taken as it was given, and the two Riccati equations are solved by the sign of their Hamiltonian matrices
+(Roberts 1980) with as many digits as it takes: where a Hamiltonian has eigenvalues on the axis, where a solution is not
+semidefinite, or where the spectral radius of their product reaches the level squared, the level fails, and with it
+every one below (Doyle, Glover, Khargonekar & Francis 1989). A number of many digits, and no proof.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.closed_loops import (
+    Balls,
+    balance_states,
+    continuous_image,
+    eigenvalues,
+    frobenius_norm,
+    identity_balls,
+    symmetric_part,
+    to_balls,
+)
+from robust.proofs.exact.matrices import ldl_pivots, stack
+
+BITS = 192
+MOST_STATES = 40  # of the plant: a second a level
+MOST_STEPS = 60  # of Newton's iteration for the sign: a step halves the decades between the poles
+
+
+def level_fails(
+    plant: Matrices,
+    into_u: np.ndarray,
+    out_of_y: np.ndarray,
+    level: float,
+    *,
+    circle: tuple[float, ...] = (),
+) -> bool | None:
+    """Return whether no controller brings the norm of a plant from (w, u) to (z, y) below a level.
+
+    None where it is not known: too many states, no full rank at infinite frequency in u nor in y.
+
+    plant : the generalised plant. into_u, out_of_y : the combinations of its last inputs and outputs that act and
+    measure. circle : ends of the disc in the right half plane [rad/s] that takes the place of the half plane.
+
+    >>> import numpy as np
+    >>> P = Matrices(A=-np.eye(1), B=np.ones((1, 2)), C=np.array([[1.0], [0.0], [1.0]]),
+    ...              D=np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]))
+    >>> [level_fails(P, np.eye(1), np.eye(1), x) for x in (0.70, 0.71)]                       # 1/sqrt(2)
+    [True, False]
+    """
+    if plant.order > MOST_STATES:
+        return None
+    w, z = plant.D.shape[1] - len(into_u), plant.D.shape[0] - out_of_y.shape[1]
+    with ctx.workprec(BITS):
+        A, B, C, D = (to_balls(getattr(plant, name)) for name in "ABCD")
+        inputs = stack([[identity_balls(w), arb_mat(w, into_u.shape[1])], [arb_mat(len(into_u), w), to_balls(into_u)]])
+        outputs = stack(
+            [[identity_balls(z), arb_mat(z, out_of_y.shape[1])], [arb_mat(len(out_of_y), z), to_balls(out_of_y)]]
+        )
+        try:
+            parts = balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
+            parts = continuous_image(parts) if plant.dt else parts
+            return existence_fails(half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
+        except ZeroDivisionError:
+            return None
+
+
+def half_plane_image(plant: Balls, a: float, b: float) -> Balls:
+    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`."""
+    A, B, C, D = plant
+    one, near, far = identity_balls(A.nrows()), arb(a), arb(b)
+    inverse = (one - A * (1 / far)).inv()
+    return inverse * (A - one * near), inverse * B * (1 - near / far), C * inverse, D + C * inverse * B * (1 / far)
+
+
+def existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
+    """Return whether a level fails, at the precision of the moment, of z outputs and w inputs beside y and u."""
+    A, B, C, D = plant
+    dual = A.transpose(), C.transpose(), B.transpose(), D.transpose()
+    found: list[arb_mat] = []
+    for parts, outputs, inputs in ((plant, z, w), (dual, w, z)):
+        try:
+            storage = control_storage(parts, outputs, inputs, level)
+        except ZeroDivisionError:  # no full rank: nothing is known from this side
+            continue
+        if storage is None:
+            return True
+        found.append(storage)
+    if len(found) < 2:
+        return None
+    return any(x.real.mid() >= (level * level).mid() for x in eigenvalues(found[0] * found[1]))
+
+
+def control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
+    """X of a level where the states and w are known, of the dual plant Y; None where there is none.
+
+    A ZeroDivisionError where u does not show in z at infinite frequency.
+    """
+    A, B, C, D = plant
+    n_u = B.ncols() - w
+    if not n_u:
+        raise ZeroDivisionError
+    C1, D1 = (arb_mat(M.tolist()[:z]) for M in (C, D))
+    R = D1.transpose() * D1
+    R = arb_mat([[R[i, j] - (level * level if i == j < w else 0) for j in range(w + n_u)] for i in range(w + n_u)])
+    # the Schur complement of u in R is negative above what the direct term leaves, whatever u is
+    corner = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w, w + n_u)])
+    side = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w)])
+    top = arb_mat([[R[i, j] for j in range(w)] for i in range(w)])
+    if not all(p > 0 for p in ldl_pivots(corner.tolist())):
+        raise ZeroDivisionError
+    if not all(p > 0 for p in ldl_pivots((side * corner.inv() * side.transpose() - top).tolist())):
+        return None
+    n, across = A.nrows(), R.inv() * D1.transpose() * C1
+    if not n:
+        return arb_mat(0, 0)
+    F, Q = A - B * across, C1.transpose() * C1 - C1.transpose() * D1 * across
+    H = stack([[F, B * R.inv() * B.transpose() * -1], [Q * -1, F.transpose() * -1]]).mid()
+    S = sign_of(H)
+    if S is None:
+        return None
+    rows = S.tolist()
+    left = arb_mat([[rows[i][n + j] + (i == n + j) for j in range(n)] for i in range(2 * n)])
+    right = arb_mat([[-rows[i][j] - (i == j) for j in range(n)] for i in range(2 * n)])
+    X = symmetric_part((left.transpose() * left).solve(left.transpose() * right)).mid()
+    # X is zero to the last digit where y tells all of w
+    rounding = (frobenius_norm(X) + frobenius_norm(H) * arb(2) ** -(BITS // 4)) * arb(2) ** -(BITS // 4)
+    return X if all(p > 0 for p in ldl_pivots((X + identity_balls(n) * rounding).tolist())) else None
+
+
+def sign_of(H: arb_mat) -> arb_mat | None:
+    """Return the sign of a Hamiltonian matrix; None where it has eigenvalues on the axis."""
+    S, near = H, arb(2) ** -(BITS // 2)
+    for _ in range(MOST_STEPS):
+        try:
+            inverse = S.inv().mid()
+        except ZeroDivisionError:
+            return None
+        c = (abs(S.det().mid()) ** (arb(-1) / S.nrows())).mid()  # by the determinant (Byers 1987)
+        following = ((S * c + inverse * (1 / c)) * arb(0.5)).mid()
+        moved = frobenius_norm(following - S)
+        S = following
+        if moved <= near * frobenius_norm(S):
+            return S
+    return None
