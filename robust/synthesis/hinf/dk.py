@@ -218,12 +218,17 @@ def dk_iteration(
     )
     last, moves = of_best, None
     for _ in range(n_rounds):
-        if moves is None:
-            tried, failed = alternate(
-                P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
-            )
-        else:
-            tried, failed = move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        try:
+            if moves is None:
+                tried, failed = alternate(
+                    P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
+                )
+            else:
+                tried, failed = move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            if not history:
+                raise
+            tried, failed = [], f"the next round failed: {error}"
         if not tried:
             reason = failed
             break

@@ -1,6 +1,5 @@
 """Matrices of transfer functions as minimal state spaces, without a foreign library."""
 
-
 import control
 import numpy as np
 import pytest
