@@ -42,7 +42,8 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     margins = find_margins(loop, curves, loop.band)
-    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst])
+    at_peak = np.nan if loop.w_P is None else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
+    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), rs_breakdown_at_peak(loop, margins)
     if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself

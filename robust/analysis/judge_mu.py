@@ -24,7 +24,7 @@ from robust.analysis.text import (
     explain_mu,
     structure_proof_sentences,
 )
-from robust.lti.grids import structure_grid
+from robust.lti.grids import peak_of, structure_grid
 from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import block_structure, blocks_with_kinds
@@ -48,9 +48,8 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     if len(found) > 1:
         taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
     if taken.nominally_stable:
-        omega, S_worst = largest_gains(loop.sensitivity(form), loop.lines(form))
-        at = int(S_worst.argmax())
-        margins = replace(taken.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
+        S_worst = peak_of(*largest_gains(loop.sensitivity(form), loop.lines(form)))
+        margins = replace(taken.margins, S_worst=S_worst.value, omega_S_worst=S_worst.omega)
         taken = replace(taken, margins=margins)
     return add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
 
@@ -117,7 +116,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
         margins=Margins(
             rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=curves.omega_peak,
+            omega_rs=cut.omega if cut is not None and cut.proved * curves.peak > 1 else curves.omega_peak,
             rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
             omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
             broken=broken,

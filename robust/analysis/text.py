@@ -14,6 +14,7 @@ from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
+from robust.lti.grids import peak_of
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
@@ -428,12 +429,10 @@ def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand 
     if curves.S is None:
         mu = 1 / margins.rp
         allowed = ", above the 1 that is allowed" if mu > 1 else ""
-        found = f"max mu {mu:.3f} at {format_hertz(margins.omega_rp)}{allowed}"
+        found = f"max mu {mu:.4g} at {format_hertz(margins.omega_rp)}{allowed}"
         return f"{found}; {met}"
-    return (
-        f"nominal max |w_P S| {np.max(curves.np_):.3f}, worst case {float(np.max(curves.rp)):.3f} at "
-        f"{format_hertz(margins.omega_rp)}; {met}"
-    )
+    nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
+    return f"nominal max |w_P S| {nominal}, worst case {worst}; {met}"
 
 
 def describe_disk_margin(margins: Margins) -> str:
