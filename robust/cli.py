@@ -261,10 +261,11 @@ def design(
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
-    robust.save(result.K, out, delay=delay or None)
+    unit = str(getattr(measured.origin_of(plant), "unit", ""))
+    robust.save(result.K, out, delay=delay or None, unit=unit)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=True)
+    gains = pid.format_gains(result.K, unit, plc=True)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
@@ -322,7 +323,7 @@ def check(
         from_options.demand_weight(plant, bandwidth, peak, error),
         from_options.signals_from_options(reference_step, disturbance, noise, up_to),
     )
-    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay), strict=True):
+    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay, plant.origin.unit), strict=True):
         with spinner("checking"):
             report = robust.check(
                 plant,
@@ -518,7 +519,8 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
-    plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
+    plant = models.load_model(model)
+    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     load = partial(
         nlfrf.load_record,
         u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
@@ -572,7 +574,7 @@ def shape(
     require_demand(bandwidth, error)
     models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
-        [(K, late)] = from_options.load_loops([controller], delay)
+        [(K, late)] = from_options.load_loops([controller], delay, models[0].origin.unit)
     from_options.require_delay(late, sample_time)
     shaping_page.write_from_files(
         out, models, K, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=late

@@ -11,11 +11,12 @@ from scipy.special import gammaincc, ndtr
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_kind
 from nlfrf._base.numbers import roy_quantile
+from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
-from robust.models.fit.nominal import bla_behind_hold, require_same_channels
+from robust.models.fit.nominal import bla_behind_hold, require_same_channels, require_same_units
 from robust.models.fit.shared_poles import hermitian_power
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
@@ -221,6 +222,10 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         )
     if several:
         require_same_channels(bla, model, "the model")
+    if isinstance(model, Bla):
+        require_same_units([model, bla])
+    elif bla.is_single and units_differ(model.origin.unit, bla.unit):
+        raise ValueError(f"bla must be in {model.origin.unit}, as the model, got {bla.unit}")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")

@@ -38,6 +38,7 @@ from robust.models.fit.nominal import (
     checked_weight,
     matrices_given,
     require_same_channels,
+    require_same_units,
 )
 from robust.models.fit.orders import scan_orders
 from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, is_plant, make_family_set
@@ -177,6 +178,7 @@ def uncertainty(
     ('robust', 4.99)
     """
     bla = bla_of_fit(bla, nominal)
+    require_same_units(bla)
     rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
     order = None if order is None else require_integer("order", order, least=0)
     if find_family(bla):
