@@ -169,20 +169,20 @@ def hidden_mode(plant: Plant) -> str:
             (np.hstack([away, plant.B2]), "u does not reach"),
             (np.vstack([away, plant.C2]), "y misses"),
         ):
-            if np.linalg.svd(equilibrate(matrix), compute_uv=False)[n - 1] < RANK_TOLERANCE:
+            if rank_margin(matrix) < RANK_TOLERANCE:
                 s = mode * plant.speed
                 where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
                 return f"{description} the mode at {where}"
     return ""
 
 
-def equilibrate(matrix: np.ndarray) -> np.ndarray:
-    """Return a matrix with its rows and columns scaled to norms near one, those that are zero left out of it."""
+def rank_margin(matrix: np.ndarray) -> float:
+    """Return the least singular value of a matrix whose rows and columns are scaled to norms near one."""
     for _ in range(20):
         for axis in (0, 1):
             size = np.linalg.norm(matrix, axis=axis, keepdims=True)
             matrix = matrix / np.where(size > 0, size, 1.0)
-    return matrix
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1])
 
 
 def map_region(plant: Plant, a: float, b: float) -> Plant:
