@@ -218,7 +218,8 @@ def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float |
     B = np.zeros((n, 1))
     B[0, 0] = 1.0
     A, B, C = scale_states(A, B, head[None, :])
-    level = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if np.any(C) else 1.0
+    _, unit = np.frexp(np.abs(C).max())  # of numbers that can still be squared, exactly as without it
+    level = np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B)) if np.any(C) else 1.0
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
 

@@ -66,6 +66,10 @@ def test_one_unstable_pole_counts_once_and_names_stay():
     assert robust.ncfsyn(rank_one).gamma_min == pytest.approx(robust.ncfsyn(state_space).gamma_min, rel=1e-6)
 
 
+def test_gains_whose_squares_are_none_are_realised():
+    assert multivariable("G", control.tf([1e200], [1, 1]))(0) == pytest.approx(1e200)
+
+
 def test_zeros_near_a_pole_do_not_cancel_it():
     """In a fast clock zeros crowd around the poles at z = 1: the numerator is small there, and no pole is lost."""
     num = 1e-3 * np.poly([0.999, 0.9985, 0.998])

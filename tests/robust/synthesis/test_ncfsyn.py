@@ -40,6 +40,16 @@ def test_gamma_is_the_norm_of_the_four_block_loop():
     assert norm == pytest.approx(design.gamma, rel=1e-4)
 
 
+def test_a_mode_that_nearly_cancels_is_named():
+    """(s - 1 - 1e-5)/((s - 1)(s + 1)): gamma came out infinite, and no reason with it."""
+    design = ncfsyn(control.tf([1, -1 - 1e-5], np.polymul([1, -1], [1, 1])))
+    assert np.isinf(design.gamma)
+    assert not design.met
+    assert design.reason.startswith("K does not stabilise the shaped plant: gamma_min is")
+    assert "Its mode at s = 1 nearly cancels with a zero" in design.reason
+    assert ncfsyn(control.tf([1, -2], np.polymul([1, -1], [1, 1]))).met
+
+
 def test_the_smallest_norm_is_approached_and_not_passed():
     W1 = control.tf([1, 2], [1, 0])
     for factor in (1.01, 1.05, 1.5):
