@@ -40,7 +40,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
     dof, grid_factor; standard deviations in the unit of G. Of several channels, for every entry: Re, Im and bound,
-    behind each "output/input".
+    behind each "output/input". What was warned of stands above the columns, a row each behind "# warning:".
 
     Parameters
     ----------
@@ -91,7 +91,13 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
             "grid_factor": bla.grid_factor,
         }
     )
-    write_table(to_path(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
+    write_table(
+        to_path(path),
+        np.column_stack(list(columns.values())),
+        list(columns),
+        decimal=decimal,
+        comments=[f"warning: {text}" for text in bla.warnings],
+    )
 
 
 def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:

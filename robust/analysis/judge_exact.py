@@ -49,7 +49,8 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding)
+    T = np.nan if np.isnan(margins.omega_rs) else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
+    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T)
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,

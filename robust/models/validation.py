@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import gammaincc, ndtr
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_kind
+from nlfrf._base.arguments import format_hertz, keep_warnings, require_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
@@ -79,6 +79,8 @@ class Validation:
         `p_value` of each entry by itself.
     inputs, outputs : tuple of str
         Names of the channels.
+    warnings : tuple of str
+        What was warned of the model and of both records.
 
     References
     ----------
@@ -126,6 +128,7 @@ class Validation:
     p_values: np.ndarray | None = None
     inputs: tuple[str, ...] = ("u",)
     outputs: tuple[str, ...] = ("y",)
+    warnings: tuple[str, ...] = ()
 
     @property
     def n_outside_set(self) -> int:
@@ -155,7 +158,7 @@ class Validation:
             f"level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
             f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
-        return "\n  ".join([*rows, f"conclusion: {self.conclusion}"])
+        return "\n  ".join([*rows, f"conclusion: {self.conclusion}", *(f"warning: {text}" for text in self.warnings)])
 
     @property
     def conclusion(self) -> str:
@@ -169,6 +172,7 @@ class Validation:
         return f"{words} (at {100 * CHANGED:g} %); the set {holds} of this record"
 
 
+@keep_warnings
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     """Hold a second record (another day, another level, closed loop) against a model.
 

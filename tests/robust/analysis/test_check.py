@@ -380,3 +380,4 @@ def test_the_worst_performance_stands_with_its_own_frequency():
     S, a, b = perturbed_sensitivity_terms("multiplicative", w(s), G=LAG(s), K=8.0)
     assert np.abs(w_P(s)) * worst_sensitivity(S, a, b) == pytest.approx(value, rel=1e-3)
     assert value == pytest.approx(report.curves.rp.max(), rel=1e-3)
+    assert unwrapped(str(report)).count(f"demand not met for the whole set, missed by a factor {value:.3g}") == 1
