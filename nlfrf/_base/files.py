@@ -499,7 +499,7 @@ def write_table(
 
     def write(temporary: Path) -> None:
         with temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.writelines(f"# {' '.join(one.split())}\n" for one in comments)
+            stream.writelines(f"# {one_line(one)}\n" for one in comments)
             stream.write(between.join(map(quoted, names)) + "\n")
             for first in range(0, len(table), CHUNK_ROWS):
                 rows = (between.join(map(repr, row)) for row in table[first : first + CHUNK_ROWS].tolist())

@@ -10,6 +10,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
+from nlfrf._base.arguments import one_line
 from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
 from robust._base.types import Controller
 from robust.analysis.report import RobustnessReport
@@ -85,7 +86,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     replacements = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
     text = (
         re.sub("NAME|'FILE'|FILE", lambda found: replacements[found[0]], script)
-        + "".join(f"% warning: {' '.join(text.split())}\n" for text in warned)
+        + "".join(f"% warning: {one_line(text)}\n" for text in warned)
         + f"% {command_signature('robust export')}\n"
     )
     write_text(loader, text, role=Role.DERIVED)

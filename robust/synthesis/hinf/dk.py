@@ -211,11 +211,9 @@ def dk_iteration(
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
     best, reason = empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
-    history, idle, of_best = (
-        [],
-        0,
-        Attempt(design=best, gamma=0.0, scaling=[identity_scaling(timebase(P))] * len(s.kinds)),
-    )
+    history: list[tuple[float, float, int]] = []
+    idle = 0
+    of_best = Attempt(design=best, gamma=0.0, scaling=[identity_scaling(timebase(P))] * len(s.kinds))
     last, moves = of_best, None
     for _ in range(n_rounds):
         try:
