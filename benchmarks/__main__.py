@@ -30,6 +30,7 @@ COMMANDS = (
     "bench_gamma",
     "bench_hinf_singular --problems 60",
     "bench_mu",
+    "bounds_mu lags 20",
     "bench_lmi",
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",

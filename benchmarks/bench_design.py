@@ -14,6 +14,7 @@ import control
 import numpy as np
 
 from robust import design_frf, mixsyn, ncfsyn, performance_weight, sampled
+from robust.lti.connections import weighted_plant
 from robust.shaping import crossover_weight
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
@@ -63,7 +64,7 @@ def mixed_sensitivity():
 
 
 def beside():
-    """python-control's mixsyn on the one of these plants that it takes without hanging."""
+    """python-control's mixsyn on the plants that it takes without hanging: SP 2.17, SP 1st ed., Example 3.8."""
     try:
         import slycot  # noqa: F401
     except ImportError:
@@ -76,6 +77,14 @@ def beside():
             lambda: control.mixsyn(control.ss(BOOK), W_P, control.ss([], [], [], [[1.0]]), None), 3
         )
     print(f"SP 2.17: gamma {ours.gamma_min:.4f} in {mine:.3f} s; python-control {info[0]:.4f} in {theirs:.3f} s")
+    one = np.array([[-6.0, -5.0], [1.0, 0.0]])
+    A, B = np.kron(np.eye(2), one), np.kron(np.eye(2), [[5.0], [0.0]])
+    G = control.StateSpace(A, B, [[0, 1, 0, 1], [2, 1, 0, 2]], np.zeros((2, 2)), 0)
+    identity = control.StateSpace([], [], [], np.eye(2), 0)
+    for crossovers in ((0.25, 0.25), (0.25, 25), (25, 0.25)):
+        w_P = control.append(*(performance_weight(c, M_S=1.5, A=1e-4) for c in crossovers))
+        gamma = control.hinfsyn(weighted_plant(G, 2, n_u=2, weights=[("e", w_P), ("u", identity)]), 2, 2)[2]
+        print(f"SP 3.8, {crossovers}: gamma {mixsyn(G, w_P, w_u=1).gamma_min:.4f}; python-control {gamma:.4f}")
 
 
 def shaping():

@@ -285,11 +285,12 @@ def design(
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
-    robust.save(result.K, out, delay=delay or None)
+    unit = str(getattr(measured.origin_of(plant), "unit", ""))
+    robust.save(result.K, out, delay=delay or None, unit=unit)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
-    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=not undecided)
+    gains = pid.format_gains(result.K, unit, plc=not undecided)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
@@ -347,7 +348,7 @@ def check(
         from_options.demand_weight(plant, bandwidth, peak, error),
         from_options.signals_from_options(reference_step, disturbance, noise, up_to),
     )
-    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay), strict=True):
+    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay, plant.origin.unit), strict=True):
         with spinner("checking"):
             report = robust.check(
                 plant,
@@ -545,9 +546,14 @@ def report(
     title: Annotated[str, typer.Option(help="Heading of the report.")] = "Controller report",
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
-    """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
+    """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof.
+
+    Exit code 0 where the loop is proved stable for the whole set, the demand met where there is one, and the friction
+    proved where it was asked for; 1 where not, with the page written all the same.
+    """
     require_demand(bandwidth, error)
-    plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
+    plant = models.load_model(model)
+    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     load = partial(
         nlfrf.load_record,
         u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
@@ -579,11 +585,13 @@ def report(
             title=title,
             notes=notes,
         )
-    print(f"verdict: {result.verdict}{result.missed_performance}: {result.meaning}")
+    print(f"verdict: {result.headline}: {result.meaning}")
     for condition in result.conditions:
         print(f"condition: {condition}")
     if proof is not None:
         print(f"friction: {proof.verdict}")
+    good = result.proofs.robustly_stable and (result.proofs.robust_performance or w_P is None)
+    finish_command(result, good and (proof is None or proof.verdict is FrictionVerdict.PROVED), json=False)
 
 
 @app.command()
@@ -601,7 +609,7 @@ def shape(
     require_demand(bandwidth, error)
     models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
-        [(K, late)] = from_options.load_loops([controller], delay)
+        [(K, late)] = from_options.load_loops([controller], delay, models[0].origin.unit)
     from_options.require_delay(late, sample_time)
     shaping_page.write_from_files(
         out, models, K, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=late
@@ -658,10 +666,11 @@ def check_gains(
     """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
 
     Exit code 0 where the linear loop is proved stable for the whole set, the axis to come to rest with its friction,
-    and no warning stands on the page. Exit code 3 where the same holds of the linear loop and the friction was not
-    judged: no traces at rest were given, or no friction could be read from them; the axis may hunt. Exit code 1 where
-    not: margins are thin, a trace has a warning, friction held the axis, the loop crosses over outside the measured
-    band, or the position loop is slower than the velocity loop, as that is approximated. Exit code 2: bad input.
+    and no warning stands on the page. Exit code 3 where the same holds of the linear loop and rest was not judged: no
+    traces at rest were given, or no friction could be read from them; the axis may hunt, within a bound if there is
+    one. Exit code 1 where not: the axis hunts in simulation, margins are thin, a trace has a warning, friction held the
+    axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity loop, as
+    that is approximated. Exit code 2: bad input.
     """
     traces, gains = split_gains(file)
     settings, say = gains_file.load_gains(gains), printer(json)
@@ -719,8 +728,8 @@ def check_gains(
             write_drive_page(out, found, records, names=names, conditions=conditions)
     elif out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
-    not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
-    finish_command(found.to_values() if json else found, found.safe, json, code=3 if not_judged else 1)
+    passed = found.verdict is not drive_check.DriveVerdict.NOT_PASSED
+    finish_command(found.to_values() if json else found, found.safe, json, code=3 if passed else 1)
 
 
 def split_gains(files: list[Path]) -> tuple[list[Path], Path]:

@@ -21,7 +21,7 @@ from robust.reports import parts
 from robust.reports.parts import Banner, Section, render_page
 
 #: Colours of the page for a verdict; one that was not judged has those of a warning.
-STYLES = {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust", DriveVerdict.FRICTION_NOT_JUDGED: ""}
+STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
 
 
 def write_drive_page(

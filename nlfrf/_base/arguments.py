@@ -6,7 +6,8 @@ import numbers
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
@@ -169,6 +170,17 @@ def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
         texts[text] = None
 
 
+@contextmanager
+def collect_warnings() -> Iterator[dict[str, None]]:
+    """Collect the texts of the warnings of what runs inside, in order."""
+    texts: dict[str, None] = {}
+    token = WARNED.set((*WARNED.get(), texts))
+    try:
+        yield texts
+    finally:
+        WARNED.reset(token)
+
+
 def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
     """Let the value, or the list of values, that a function makes keep the warnings behind it in its field `warnings`.
 
@@ -179,12 +191,9 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
     @wraps(make)
     def keeping(*args: Given.args, **kwargs: Given.kwargs) -> Made:
         given = [one for arg in (*args, *kwargs.values()) for one in (arg if isinstance(arg, list | tuple) else [arg])]
-        texts = dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
-        token = WARNED.set((*WARNED.get(), texts))
-        try:
+        with collect_warnings() as texts:
+            texts.update(dict.fromkeys(text for one in given for text in getattr(one, "warnings", ())))
             made = make(*args, **kwargs)
-        finally:
-            WARNED.reset(token)
         if isinstance(made, list | tuple):
             return cast("Made", type(made)(add_warnings(one, texts) for one in made))
         return cast("Made", add_warnings(cast("Warned", made), texts))

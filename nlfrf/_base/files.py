@@ -474,7 +474,9 @@ def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
                 file.create_dataset(name, data=array)
 
 
-def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".") -> None:
+def write_table(
+    path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".", comments: Sequence[str] = ()
+) -> None:
     """Write columns of numbers under their names, each number with the fewest digits that give it back exactly.
 
     Parameters
@@ -487,6 +489,8 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
         What stands above the columns.
     decimal : str
         "." with commas between columns, or "," with semicolons, as spreadsheets in most of Europe want it.
+    comments : sequence of str
+        Rows above the names, behind a "#".
     """
     between = "," if decimal == "." else ";"
 
@@ -495,6 +499,7 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
 
     def write(temporary: Path) -> None:
         with temporary.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.writelines(f"# {one_line(one)}\n" for one in comments)
             stream.write(between.join(map(quoted, names)) + "\n")
             for first in range(0, len(table), CHUNK_ROWS):
                 rows = (between.join(map(repr, row)) for row in table[first : first + CHUNK_ROWS].tolist())

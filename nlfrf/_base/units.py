@@ -120,4 +120,14 @@ def split_quantity(written: object) -> tuple[float, str]:
 
 def join_unit(unit: str) -> str:
     """Return a unit without what may stand between its parts: "kg m²" and "kg*m^2" are the same."""
-    return re.sub(r"[\s*·⋅]", "", unit).replace("²", "^2")
+    return re.sub(r"[\s*·⋅]", "", unit).translate({ord("²"): "^2", ord("µ"): "u", ord("μ"): "u"})
+
+
+def units_differ(one: str, other: str) -> bool:
+    """Return whether two units are known and are not the same; of a ratio both parts have to be known.
+
+    >>> units_differ("mm/A", "m/N"), units_differ("µm", "um"), units_differ("m/N", ""), units_differ("m/1", "mm/N")
+    (True, False, False, False)
+    """
+    known = all(unit and "1" not in unit.split("/") for unit in (one, other))
+    return known and join_unit(one) != join_unit(other)

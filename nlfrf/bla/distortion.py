@@ -398,12 +398,10 @@ def level_from_detection_lines(
     gain = row.gain.take(near) / row.gain.take(here)
     shape = np.where(before[:, None, None], gain, 1.0) * relative
     power = row.power.take(near) + TINY
-    # spread: expected |Y_S|^2 on the excited lines but for a constant, as a roughness window sees it
     if row.noise is None:
-        spread = np.where(before[:, None], row.gain.take(here), 1.0) * np.ones(factors.shape)
         shape /= factors[:, None]
     else:
-        shape, spread = expected_total(
+        shape, total = expected_total(
             power, row.noise.take(near), shape=shape, factors=factors, noise_here=row.noise.take(here)
         )
     log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows=windows, M=M)
@@ -414,11 +412,12 @@ def level_from_detection_lines(
         return log_level, windows.dof + zeros, evidence, factors, detected
     density, share, dof = roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
-    spread = spread / excited.amplitude**2
-    window = np.maximum(
-        np.add.reduce(spread.take(index.excited_windows.T, axis=1), axis=1) / len(index.excited_windows.T), TINY
-    )
-    over = clip(window / np.maximum(spread, TINY), 1.0, MAX_WINDOW_SHAPE)
+    # of one level all over the window: the levels of its lines as estimated scatter with the very data they are held to
+    over = mean_over_window(np.where(before[:, None], row.gain.take(here), 1.0), excited)
+    if row.noise is not None:
+        noise = row.noise.take(here)
+        over = over + noise / total * (mean_over_window(noise, excited) - over)
+    over = clip(over, 1.0, MAX_WINDOW_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * windows.x_rough
     both = np.empty((2, *ratio.shape))
     both[0] = density(ratio)  # as distortion
@@ -432,6 +431,13 @@ def level_from_detection_lines(
         factors,
         detected,
     )
+
+
+def mean_over_window(variance: np.ndarray, excited: Spectra) -> np.ndarray:
+    """Return the mean of a variance of Y (..., F) over |U|^2 on each roughness window, over its value at the line."""
+    of_frf = np.maximum(variance / excited.amplitude**2, TINY)
+    windows = excited.index.excited_windows.T
+    return np.asarray(np.add.reduce(of_frf.take(windows, axis=-1), axis=-2) / (len(windows) * of_frf))
 
 
 def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -40,7 +40,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
     dof, grid_factor; standard deviations in the unit of G. Of several channels, for every entry: Re, Im and bound,
-    behind each "output/input".
+    behind each "output/input". What was warned of stands above the columns, a row each behind "# warning:".
 
     Parameters
     ----------
@@ -91,7 +91,13 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
             "grid_factor": bla.grid_factor,
         }
     )
-    write_table(to_path(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
+    write_table(
+        to_path(path),
+        np.column_stack(list(columns.values())),
+        list(columns),
+        decimal=decimal,
+        comments=[f"warning: {text}" for text in bla.warnings],
+    )
 
 
 def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
@@ -103,7 +109,9 @@ def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     return columns
 
 
-def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None) -> None:
+def save(
+    thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None, unit: str = ""
+) -> None:
     """Write whatever these packages make, so that `load` reads it.
 
     Files replace what the path held. Each is written whole or not at all.
@@ -130,6 +138,8 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
         Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
     delay : float, optional
         Of a controller: computation delay [s] that it was designed for. Commands that get the file check it with that.
+    unit : str
+        Of a controller: unit of the plant that it is for, of y over u. Commands refuse the file with another plant.
 
     Raises
     ------
@@ -155,8 +165,8 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
     >>> folder.cleanup()
     """
     require_choice("decimal", decimal, DECIMALS)
-    if delay is not None and isinstance(thing, StoredValue):
-        raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
+    if (delay is not None or unit) and isinstance(thing, StoredValue):
+        raise ValueError(f"delay and unit must be left out for anything but a controller, got {delay!r} and {unit!r}")
     match thing:
         case Bla():
             save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
@@ -167,7 +177,7 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
         case Multisine():
             save_multisine(thing, path, decimal=decimal)
         case _:
-            import_module(JSON_FILES).save_json(thing, path, delay=delay)
+            import_module(JSON_FILES).save_json(thing, path, delay=delay, unit=unit)
 
 
 def load(path: str | os.PathLike[str]) -> Any:

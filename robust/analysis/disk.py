@@ -378,16 +378,23 @@ def sensitivity_if_stable(
         raise ValueError("L must have a finite FRF on every line, got nan or infinite numbers")
     unit = balancing_scales(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
-    static = control.StateSpace([], [], [], 1.0, 0)
-    whole = np.linalg.det(difference) - 1
-    readings = read_below(omega, whole, n_unstable=n_unstable)
-    turns, clear = winding_number(omega, whole, K=static, dt=0.0, readings=readings)
+    turns, clear = winding_of_matrix(omega, difference, n_unstable)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
         return S, "the lines are too far apart, or end too early or begin too late, to tell whether the loop is stable"
     if turns != n_unstable:
         return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
     return S, ""
+
+
+def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int) -> tuple[int, bool]:
+    """Return how often det(I + L) winds about zero, from I + L (W, n, n), and whether the lines resolve it.
+
+    n_unstable : unstable poles of the open loop, which its phase below the first line depends on.
+    """
+    static, whole = control.StateSpace([], [], [], 1.0, 0), np.linalg.det(difference) - 1
+    readings = read_below(omega, whole, n_unstable=n_unstable)
+    return winding_number(omega, whole, K=static, dt=0.0, readings=readings)
 
 
 def balancing_scales(L: np.ndarray) -> np.ndarray:

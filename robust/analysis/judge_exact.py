@@ -42,13 +42,15 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     margins = find_margins(loop, curves, loop.band)
-    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst])
+    at_peak = np.nan if loop.w_P is None else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
+    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), rs_breakdown_at_peak(loop, margins)
     if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding)
+    T = np.nan if np.isnan(margins.omega_rs) else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
+    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T)
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,

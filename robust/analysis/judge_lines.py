@@ -12,12 +12,14 @@ from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
 from robust.analysis.curves import Curves, loop_curves, margins_on_lines
-from robust.analysis.findings import Effort, Findings, Given, Margins, Proofs, decide_verdict
+from robust.analysis.disk import LoopMargins, disk_margins, winding_of_matrix
+from robust.analysis.findings import Effort, Findings, Given, Margins, Proofs, ReportCurves, decide_verdict
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
-from robust.lti.grids import controller_mode_lines, interpolate_frf
+from robust.lti.connections import require_shape
+from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of
 from robust.lti.low_frequency import read_below
-from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
-from robust.lti.realisation import state_space
+from robust.lti.lti import common_sampling_time, require_sampling_time, response, response_by_channel, timebase
+from robust.lti.realisation import multivariable, repeat_over_channels, state_space
 from robust.lti.stability import unstable_poles, winding_number
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_delay_factor, origin_of, parts_on_lines
@@ -113,12 +115,105 @@ def assemble_on_lines(
     )
 
 
+@value
+class MatrixLoopOnLines:
+    """An FRF of several channels, without a set, and a controller around it.
+
+    Fields
+    ------
+    G : control.FrequencyResponseData
+        The plant as the controller sees it, hold and delay included.
+    K : control.StateSpace
+    w_P : control.StateSpace or None
+        Performance weight.
+    delay : float
+        Computation delay [s] on top of what the FRF contains.
+    n_unstable : int
+        Unstable open-loop poles of the plant.
+    """
+
+    G: control.FrequencyResponseData
+    K: control.StateSpace
+    w_P: control.StateSpace | None
+    delay: float
+    n_unstable: int
+
+    @property
+    def wanted(self) -> int:
+        """Return how often det(I + L) has to wind about zero."""
+        return self.n_unstable + unstable_poles(self.K, timebase(self.K))
+
+    @property
+    def given(self) -> Given:
+        """Return what was fixed: demand, delay and band."""
+        return Given(demand=self.w_P, delay=self.delay, band=np.asarray(self.G.omega)[[0, -1]])
+
+    @property
+    def channels(self) -> LoopMargins:
+        """Return the disk margins."""
+        return disk_margins(self.G, self.K, n_unstable=self.wanted)
+
+
+def assemble_matrix_on_lines(
+    G: control.FrequencyResponseData, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
+) -> MatrixLoopOnLines:
+    """Put an FRF of several channels and a controller together, or refuse what does not fit."""
+    K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
+    require_shape(K, G.noutputs, G.ninputs)
+    delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
+    require_usable_frf(omega, np.asarray(G.frdata), timebase(K))
+    require_sampling_time("K", K, reference="the FRF", wanted=frf_sampling_time(G) or None)
+    seen = np.asarray(G.frdata) * hold_and_delay_factor(G, omega, dt=timebase(K), delay=delay)
+    return MatrixLoopOnLines(
+        G=control.FrequencyResponseData(seen, omega, inputs=G.input_labels, outputs=G.output_labels),
+        K=K,
+        w_P=None if w_P is None else repeat_over_channels("w_P", w_P, G.noutputs),
+        delay=delay,
+        n_unstable=n_unstable,
+    )
+
+
+def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
+    """Return what is found of a loop of several channels on the lines of its FRF; nothing of it is a proof."""
+    omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
+    L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
+    turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
+    met = Stability.STABLE if turns == loop.wanted else Stability.UNSTABLE
+    nominal, nothing = met if clear else Stability.UNDECIDED, np.full(omega.size, np.nan)
+    reason, margins, np_ = (
+        explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False),
+        Margins(),
+        nothing,
+    )
+    if nominal is Stability.STABLE:
+        S = np.linalg.inv(one + L)
+        peak = peak_of(omega, np.linalg.norm(S, 2, axis=(1, 2)))
+        margins = Margins(S_worst=peak.value, omega_S_worst=peak.omega)
+        reason += f". The largest singular value of S on {omega.size} lines is {peak}"
+        if loop.w_P is not None:
+            weighted = np.moveaxis(response_by_channel(loop.w_P, omega), 2, 0) @ S
+            np_ = np.linalg.norm(weighted, 2, axis=(1, 2))
+            reason += f", that of w_P S {peak_of(omega, np_)}"
+    return Findings(
+        verdict=decide_verdict(nominal, Proofs(), statistical=False),
+        nominally_stable=nominal is Stability.STABLE,
+        curves=ReportCurves(omega=omega, rs=nothing, np_=np_, rp=nothing),
+        margins=margins,
+        reason=reason,
+        advice=LINES_ADVICE,
+        proved=LINES_PROVED,
+        not_proved=LINES_NOT_PROVED,
+        context=f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}; controller "
+        f"{loop.K.nstates} states",
+    )
+
+
 def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
     """Refuse an FRF that has no finite value somewhere, or lines that the controller is too slow for."""
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
     if not np.isfinite(G).all():
-        where = format_hertz(omega[np.argmax(~np.isfinite(G))])
+        where = format_hertz(omega[np.argmax(~np.isfinite(G).reshape(-1, omega.size).all(axis=0))])
         raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(

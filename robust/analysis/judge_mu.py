@@ -118,7 +118,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
         margins=Margins(
             rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=curves.omega_peak,
+            omega_rs=cut.omega if cut is not None and cut.proved * curves.peak > 1 else curves.omega_peak,
             rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
             omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
             broken=broken,

@@ -21,7 +21,7 @@ from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evalua
 from robust.analysis.curves import Curves, loop_curves
 from robust.analysis.findings import Given, Margins, reciprocal
 from robust.lti.connections import closed_loop, in_series
-from robust.lti.grids import find_peak, loop_grid, refine_peaks
+from robust.lti.grids import Peak, find_peak, loop_grid, refine_peaks
 from robust.lti.lti import is_constant, sampling_times_differ, timebase
 from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
@@ -227,9 +227,7 @@ class Loop:
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
         return loop_grid(lines, self.modes, systems=parts, dt=self.dt, delay=self.plant_delay, folded=folded)
 
-    def peak(
-        self, curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float]
-    ) -> tuple[float, float]:
+    def peak(self, curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float]) -> Peak:
         """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
         return find_peak(curve, omega, band=band, top=self.omega_max)
 
@@ -341,7 +339,7 @@ def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margi
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
         return np.array([getattr(of, name) for name in names])
 
-    def along(names: list[str]) -> list[tuple[float, float]]:
+    def along(names: list[str]) -> list[Peak]:
         return refine_peaks(
             lambda at: stacked(loop.curves(at), names), curves.omega, values=stacked(curves, names), band=band
         )

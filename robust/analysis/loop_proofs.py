@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from nlfrf._base.arguments import format_hertz
 from robust._base.states import Outcome
 from robust._base.types import Controller
 from robust.analysis.curves import Curves
 from robust.analysis.findings import Proofs
 from robust.analysis.loop import Loop
+from robust.lti.grids import peak_of
 from robust.lti.lti import replace_infinite
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS
@@ -110,8 +110,8 @@ def reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
     """
     if claim.perturbation == "operator":
         return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
-    k = int(np.argmax(curves.rp))
-    return f"rp reaches {curves.rp[k]:.4g} at {format_hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
+    worst = peak_of(curves.omega, curves.rp)
+    return f"rp reaches {worst}" if worst.value >= 1 else ""
 
 
 def certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:

@@ -170,6 +170,11 @@ class RobustnessReport(Findings):
         return f", performance {self.performance}" if missed else ""
 
     @property
+    def headline(self) -> str:
+        """Return the verdict, with what stands against it: a demand that was missed, thin margins."""
+        return f"{self.verdict}{self.missed_performance}{', thin margins' * bool(self.thin_margins)}"
+
+    @property
     def meaning(self) -> str:
         """Return what the verdict means for the machine."""
         alone = self.verdict.is_robust and np.isnan(self.margins.rs)
@@ -194,7 +199,7 @@ class RobustnessReport(Findings):
 
     def findings(self) -> list[str]:
         """Return the rows of the summary."""
-        verdict, margins = f"{self.verdict}{self.missed_performance}".upper(), self.margins
+        verdict, margins = self.headline.upper(), self.margins
         rows = [("verdict", f"{verdict}: {self.meaning}")]
         rows += [("condition", text) for text in self.conditions]
         rows += [("warning", text) for text in self.warnings]

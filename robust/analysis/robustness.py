@@ -14,6 +14,8 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import control
 
 from nlfrf import Bla
@@ -22,7 +24,14 @@ from robust._base.channels import is_single
 from robust._base.types import Controller, Weight
 from robust.analysis.findings import METHODS, Effort, Findings, ProofMethod
 from robust.analysis.judge_exact import judge_exact
-from robust.analysis.judge_lines import LoopOnLines, assemble_on_lines, judge_lines
+from robust.analysis.judge_lines import (
+    LoopOnLines,
+    MatrixLoopOnLines,
+    assemble_matrix_on_lines,
+    assemble_on_lines,
+    judge_lines,
+    judge_matrix_lines,
+)
 from robust.analysis.judge_mu import judge_mu, judge_system
 from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
@@ -34,6 +43,9 @@ from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
 from robust.proofs.search.programs import SOLVERS
+
+#: What one check looks at.
+AnyLoop: TypeAlias = Loop | LoopOfChannels | LoopOnLines | MatrixLoopOnLines
 
 
 @keep_warnings
@@ -55,7 +67,7 @@ def check(
     ----------
     model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
         The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only,
-        and so is the result.
+        and so is the result. An FRF of several channels has no set around it.
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the normal case: the
         nominal is discretised with zero-order hold and delay included, and the set acts at every alias: what folds
@@ -118,7 +130,7 @@ def check(
     return RobustnessReport(
         **vars(found),
         given=loop.given,
-        channels=loop.channels if isinstance(loop, LoopOfChannels) else None,
+        channels=loop.channels if isinstance(loop, LoopOfChannels | MatrixLoopOnLines) else None,
         level=level,
         confidence=describe_confidence(model),
     )
@@ -131,10 +143,12 @@ def assemble(
     w_P: Weight | None,
     delay: float,
     n_unstable: int,
-) -> Loop | LoopOfChannels | LoopOnLines:
+) -> AnyLoop:
     """Return the loop of a model and a controller, or refuse what does not fit together."""
     if has_several_channels(model):
         return LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
+    if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (1, 1):
+        return assemble_matrix_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return assemble_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
@@ -147,8 +161,10 @@ def assemble(
     return loop
 
 
-def judge(loop: Loop | LoopOfChannels | LoopOnLines, effort: Effort) -> Findings:
+def judge(loop: AnyLoop, effort: Effort) -> Findings:
     """Return what the judge of a loop finds: on the lines of an FRF, by mu, or in exact arithmetic."""
+    if isinstance(loop, MatrixLoopOnLines):
+        return judge_matrix_lines(loop)
     if isinstance(loop, LoopOnLines):
         return judge_lines(loop, effort)
     return judge_mu(loop, effort) if isinstance(loop, LoopOfChannels) else judge_exact(loop, effort)

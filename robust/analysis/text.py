@@ -14,6 +14,7 @@ from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
+from robust.lti.grids import peak_of
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
@@ -39,6 +40,12 @@ REMEDIES = {
     "weight": "the weight lies far above the radius: fit one of a higher order",
     "assumed": "what is assumed where nothing was measured: measure there",
 }
+#: How far |T| may be from one where a lower bandwidth leaves it at that, and what is said there.
+NEAR_ONE = 0.1
+ODD_WHERE_T_IS_ONE = (
+    "Odd distortion, where |T| is near one: a lower bandwidth leaves it there. Identify at the level of the loop, or "
+    "at another one; take more realisations, or a better fit; more periods will not help."
+)
 #: What a verdict on a set around a sampled nominal does not cover.
 NONLINEAR_PLANT = "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
@@ -56,10 +63,11 @@ def advise_on_margin(
     *,
     weight: Callable[[np.ndarray], np.ndarray],
     folding: RsBreakdown | None = None,
+    T: float = np.nan,
 ) -> str:
     """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
 
-    `weight` is the response of the weight; `folding` what rs is made of, where it is known.
+    `weight` is the response of the weight; `folding` what rs is made of, where it is known; `T` is |T| there.
     """
     if not np.isfinite(omega_rs):
         return ""
@@ -98,6 +106,8 @@ def advise_on_margin(
             f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow: lower it by "
             "more periods or realisations."
         )
+    elif cause == "odd" and abs(T - 1) < NEAR_ONE:
+        sentences.append(ODD_WHERE_T_IS_ONE)
     elif cause:
         sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
         sentences += ["Or measure there."] * (outside and cause != "assumed")
@@ -424,12 +434,11 @@ def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand 
     if curves.S is None:
         mu = 1 / margins.rp
         allowed = ", above the 1 that is allowed" if mu > 1 else ""
-        found = f"max mu {mu:.3f} at {format_hertz(margins.omega_rp)}{allowed}"
+        found = f"max mu {mu:.4g} at {format_hertz(margins.omega_rp)}{allowed}"
         return f"{found}; {met}"
-    return (
-        f"nominal max |w_P S| {np.max(curves.np_):.3f}, worst case {float(np.max(curves.rp)):.3f} at "
-        f"{format_hertz(margins.omega_rp)}; {met}"
-    )
+    nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
+    missed = f", missed by a factor {worst.value:.3g}" if 1 < worst.value < np.inf else ""
+    return f"nominal max |w_P S| {nominal}, worst case {worst}; {met}{missed}"
 
 
 def describe_disk_margin(margins: Margins) -> str:

@@ -48,6 +48,7 @@ from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.from_fit import plant_of_fit
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
+from robust.friction.units import format_length
 from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit
@@ -95,6 +96,7 @@ class DriveVerdict(State):
 
     PASSED = "passed"
     NOT_PASSED = "not passed"
+    FRICTION_BOUNDED = "linear loop passed; friction bounded, rest not proved"
     FRICTION_NOT_JUDGED = "linear loop passed; friction not judged"
 
 
@@ -202,9 +204,10 @@ class DriveCheck:
 
     @property
     def verdict(self) -> DriveVerdict:
-        """Whether linear loop and friction passed; what was not judged has not passed."""
-        if self.linear_passed and not self.friction.proofs:
-            return DriveVerdict.FRICTION_NOT_JUDGED
+        """Whether linear loop and friction passed; what was not judged has not passed, nor what hunts in simulation."""
+        if self.linear_passed and not self.friction.proofs and not self.friction.hunts:
+            bounded = np.isfinite(self.friction.within)
+            return DriveVerdict.FRICTION_BOUNDED if bounded else DriveVerdict.FRICTION_NOT_JUDGED
         return DriveVerdict.PASSED if self.linear_passed and self.friction.proved else DriveVerdict.NOT_PASSED
 
     @property
@@ -222,9 +225,15 @@ class DriveCheck:
             return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
         if self.linear_passed and self.friction.proofs:
             return f"NOT PASSED, friction: rest is not proved; the axis {self.friction.headline}", stable
+        if self.linear_passed and self.friction.hunts:
+            return f"NOT PASSED, friction: the axis {self.friction.headline}", stable
         if self.linear_passed:
-            return f"linear loop passed; friction not judged: the axis {self.friction.headline}", stable
+            within = ""
+            if self.verdict is DriveVerdict.FRICTION_BOUNDED:
+                within = f"stays within {format_length(self.friction.within, self.settings.base_unit)}, proved, and "
+            return f"{self.verdict}: the axis {within}{self.friction.headline}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
+        why += f"; the axis {self.friction.headline}" * self.friction.hunts
         more = ("The verdict below only says that no linear plant of the set is unstable",)
         return f"NOT PASSED, linear loop: {why}", *(more if self.report.proofs.robustly_stable else ())
 

@@ -160,6 +160,11 @@ class DriveFriction:
         return max((proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)), default=np.nan)
 
     @property
+    def hunts(self) -> bool:
+        """Whether the axis hunts in simulation."""
+        return self.simulated is not None and self.simulated.hunts
+
+    @property
     def headline(self) -> str:
         """What the axis does with its friction, in a few words."""
         if self.proved:
@@ -250,7 +255,8 @@ class DriveFriction:
             rows = []
             if self.fit is not None and any(0 < std < np.inf for std in self.fit.stds.values()):
                 rows = [f"read from {len(self.fit.levels)} traces at rest:", *format_numbers(self.fit)]
-            return "\n".join([*rows, f"not judged: {self.note}", *without_law, *bounded])
+            not_judged = "rest not judged" if bounded else "not judged"
+            return "\n".join([*rows, f"{not_judged}: {self.note}", *without_law, *bounded])
         rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
         rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
         rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))

@@ -10,6 +10,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
+from nlfrf._base.arguments import one_line
 from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
 from robust._base.types import Controller
 from robust.analysis.report import RobustnessReport
@@ -30,7 +31,8 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m`` file that loads it.
 
     The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
-    That of a proof puts its inequality together and returns the largest eigenvalue, which has to be negative.
+    That of a proof puts its inequality together and returns the largest eigenvalue, which has to be negative. What was
+    warned of stands in the struct, as `warnings`, and at the end of the loader.
 
     Parameters
     ----------
@@ -64,6 +66,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
+    struct: dict[str, object]
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
     elif isinstance(content, (RobustnessReport, ChannelsClaim)):
@@ -71,6 +74,8 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     else:
         K = as_controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
+    warned = getattr(content, "warnings", ())
+    struct |= {"warnings": cell_array(list(warned))} if warned else {}
     loader = path.with_name(f"load_{name}.m")
     require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
 
@@ -81,6 +86,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     replacements = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
     text = (
         re.sub("NAME|'FILE'|FILE", lambda found: replacements[found[0]], script)
+        + "".join(f"% warning: {one_line(text)}\n" for text in warned)
         + f"% {command_signature('robust export')}\n"
     )
     write_text(loader, text, role=Role.DERIVED)

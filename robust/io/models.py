@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import one_line, require_nonnegative, short_form
+from nlfrf._base.arguments import one_line, require_kind, require_nonnegative, short_form
 from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_json
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import ArrayField, field_names
@@ -207,13 +207,14 @@ def load_model(path: PathLike) -> UncertaintyModel:
     return decode_model(content, schema)
 
 
-def save_controller(K: Controller, path: PathLike, *, delay: float | None = None) -> None:
-    """Write a controller to a ``.json`` file, with the computation delay [s] that it was designed for."""
+def save_controller(K: Controller, path: PathLike, *, delay: float | None = None, unit: str = "") -> None:
+    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of the plant it is for."""
     K = as_controller("K", K)
-    content = {
+    require_kind("unit", unit, str)
+    content: JsonObject = {
         "schema": CONTROLLER_SCHEMA,
         "version": VERSION,
-        "units": {"dt": "s"},
+        "units": {"dt": "s"} | ({"G": unit} if unit else {}),
         "feedback": "negative: u = K (r - y)",
         "K": encode_system(K),
     }
@@ -239,12 +240,13 @@ def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
     return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
 
 
-def load_controller_delay(path: PathLike) -> float | None:
-    """Return the computation delay [s] that the controller in a file was designed for; None where it does not say."""
+def load_controller_context(path: PathLike) -> tuple[float | None, str]:
+    """Return the computation delay [s] and the unit of the plant that a controller is for; None, "" where unknown."""
     if to_path(path).suffix.lower() == ".mat":
-        return None
-    found = read_json(path, (CONTROLLER_SCHEMA,))[1].get("delay")
-    return None if found is None else float(found)
+        return None, ""
+    content = read_json(path, (CONTROLLER_SCHEMA,))[1]
+    found = content.get("delay")
+    return None if found is None else float(found), one_line(content["units"].get("G", ""))
 
 
 def as_controller(name: str, K: Controller) -> control.StateSpace:

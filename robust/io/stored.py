@@ -24,13 +24,13 @@ from robust.models.sets.model import UncertaintyModel
 CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
 
 
-def save_json(thing: object, path: PathLike, *, delay: float | None) -> None:
+def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
     """Write a model, a controller, or the certificate of what was proved."""
     if isinstance(thing, CONTROLLERS):
-        save_controller(thing, path, delay=delay)
+        save_controller(thing, path, delay=delay, unit=unit)
         return
-    if delay is not None:
-        raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
+    if delay is not None or unit:
+        raise ValueError(f"delay and unit must be left out for anything but a controller, got {delay!r} and {unit!r}")
     if isinstance(thing, UncertaintyModel):
         save_model(thing, path)
         return

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import control
 import numpy as np
 
+from nlfrf._base.arguments import format_hertz
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
@@ -116,9 +118,25 @@ def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...
     return np.unique(lines)
 
 
+class Peak(NamedTuple):
+    """A largest value and its frequency [rad/s], which belong together."""
+
+    value: float
+    omega: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} at {format_hertz(self.omega)}"
+
+
+def peak_of(omega: np.ndarray, values: np.ndarray) -> Peak:
+    """Return the largest of some values (W,) and its frequency."""
+    k = int(np.argmax(values))
+    return Peak(float(values[k]), float(omega[k]))
+
+
 def find_peak(
     curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, *, band: tuple[float, float], top: float
-) -> tuple[float, float]:
+) -> Peak:
     """Largest value of a curve and where: on the grid, far outside it up to `top`, and refined.
 
     Where the curve is flat, the place is the one nearest to the band.
@@ -134,7 +152,7 @@ def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
 
 def refine_peaks(
     curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, *, values: np.ndarray, band: tuple[float, float]
-) -> list[tuple[float, float]]:
+) -> list[Peak]:
     """Largest values of several curves at once and where, from their values (k, W) on points (W,).
 
     The brackets of all maxima that may be the largest close in together: each time on the best of points that divide
@@ -186,11 +204,11 @@ def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def peak_nearest_band(
     best: float, where: float, *, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
-) -> tuple[float, float]:
+) -> Peak:
     """Return a largest value and where; on a flat top at the point nearest to the band."""
     flat = points[values >= best * (1 - 1e-4)]
     if flat.size:
         away = np.abs(np.log(np.clip(flat, *band) / flat))
         if away.min() < abs(np.log(np.clip(where, *band) / where)):
             where = float(flat[away.argmin()])
-    return float(best), float(where)
+    return Peak(float(best), float(where))

@@ -118,13 +118,18 @@ def merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, f
 
 
 def poles_with_rounding(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Poles, hidden modes included, and how far rounding may have moved each.
+    """Poles, hidden modes included, and how far rounding may have moved each."""
+    return eigenvalues_with_rounding(system.A)
+
+
+def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the eigenvalues of a real matrix, and how far rounding may have moved each.
 
     States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
     """
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
-    for part in connected_components(system.A):
-        A = balance_matrix(system.A[np.ix_(part, part)])[0]
+    for part in connected_components(matrix):
+        A = balance_matrix(matrix[np.ix_(part, part)])[0]
         found, left, right = eig(A, left=True, right=True)
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         poles.append(found)

@@ -9,13 +9,14 @@ import numpy as np
 from scipy.special import gammaincc, ndtr
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_kind
+from nlfrf._base.arguments import format_hertz, keep_warnings, require_kind
 from nlfrf._base.numbers import roy_quantile
+from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
-from robust.models.fit.nominal import bla_behind_hold, require_same_channels
+from robust.models.fit.nominal import bla_behind_hold, require_same_channels, require_same_units
 from robust.models.fit.shared_poles import hermitian_power
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
@@ -78,6 +79,8 @@ class Validation:
         `p_value` of each entry by itself.
     inputs, outputs : tuple of str
         Names of the channels.
+    warnings : tuple of str
+        What was warned of the model and of both records.
 
     References
     ----------
@@ -125,6 +128,7 @@ class Validation:
     p_values: np.ndarray | None = None
     inputs: tuple[str, ...] = ("u",)
     outputs: tuple[str, ...] = ("y",)
+    warnings: tuple[str, ...] = ()
 
     @property
     def n_outside_set(self) -> int:
@@ -154,7 +158,7 @@ class Validation:
             f"level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
             f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
-        return "\n  ".join([*rows, f"conclusion: {self.conclusion}"])
+        return "\n  ".join([*rows, f"conclusion: {self.conclusion}", *(f"warning: {text}" for text in self.warnings)])
 
     @property
     def conclusion(self) -> str:
@@ -168,6 +172,7 @@ class Validation:
         return f"{words} (at {100 * CHANGED:g} %); the set {holds} of this record"
 
 
+@keep_warnings
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     """Hold a second record (another day, another level, closed loop) against a model.
 
@@ -221,6 +226,10 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         )
     if several:
         require_same_channels(bla, model, "the model")
+    if isinstance(model, Bla):
+        require_same_units([model, bla])
+    elif bla.is_single and units_differ(model.origin.unit, bla.unit):
+        raise ValueError(f"bla must be in {model.origin.unit}, as the model, got {bla.unit}")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")

@@ -11,6 +11,7 @@ in each of them, and the smallest perturbation has as a rule all but one at thei
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -91,12 +92,15 @@ def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) ->
     """
     M = response_matrices("N", N)
     n_starts = require_integer("n_starts", n_starts, least=0)
-    return search_perturbation(
-        M,
+    unit = np.ldexp(1.0, np.frexp(np.abs(M).max(axis=(1, 2)))[1] - 1)  # with numbers near one, which can be squared
+    found = search_perturbation(
+        M / unit[:, None, None],
         structure_for("blocks", blocks, M.shape[1:]),
         n_starts=n_starts,
         rng=random_generator("rng", rng),
     )
+    assert found.delta is not None  # of a lower bound
+    return replace(found, value=found.value * unit, delta=found.delta / unit)
 
 
 def search_perturbation(M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator) -> MuBound:

@@ -101,7 +101,7 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBound:
     """Return the bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
     s = structure_for("blocks", blocks, M.shape[1:])
-    size = np.linalg.norm(M, axis=(1, 2))
+    size = np.abs(M).max(axis=(1, 2))  # of numbers that can still be squared
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
     D_L, D_R, G = optimal_scalings(M, s, target=target / scale)
@@ -131,6 +131,8 @@ def response_matrices(name: str, N: object) -> np.ndarray:
         raise ValueError(
             f"{name} must be an array (outputs, inputs, frequencies), got {short_form(M)}. One matrix: N[:, :, None]."
         )
+    if not M.size:
+        raise ValueError(f"{name} must have rows, columns and at least one frequency, got the shape {M.shape}")
     if not np.isfinite(M).all():
         raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(M))} nan or infinite numbers")
     return np.ascontiguousarray(np.moveaxis(M, 2, 0), dtype=complex)

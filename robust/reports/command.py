@@ -14,13 +14,14 @@ import nlfrf
 from nlfrf._base.arguments import MissingArgumentError, repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, require_file_of, write_text
+from nlfrf._base.units import units_differ
 from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
-from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
+from robust.io.models import load_bla, load_controller, load_controller_context, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
 from robust.models.fit.weights import performance_weight
@@ -107,11 +108,18 @@ def fit_nominal_model(
     return fit, ""
 
 
-def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control.StateSpace, float]]:
-    """Return each controller with its computation delay [s]: as given, else what its file says it was designed for."""
+def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> list[tuple[control.StateSpace, float]]:
+    """Return each controller with its computation delay [s]: as given, else what its file says it was designed for.
+
+    One for a plant of another unit is refused, where both are known.
+    """
     loops = []
     for path in paths:
-        K, stored = load_controller(path), load_controller_delay(path)
+        K, (stored, unit_of_plant) = load_controller(path), load_controller_context(path)
+        if units_differ(unit, unit_of_plant):
+            raise ValueError(
+                f"controller must be one for a plant in {unit}, as the model, got {path} for one in {unit_of_plant}"
+            )
         if path.suffix.lower() == ".mat" and K.dt and given is None:
             warnings.warn(
                 f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2

@@ -147,7 +147,7 @@ def write_report(
     ]
     banner = Banner(
         style=report.verdict.replace(" ", "-"),
-        heading=f"{report.verdict.capitalize()}{report.missed_performance}",
+        heading=report.headline.capitalize(),
         lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
     )
     warned = [*filter(None, [report.warning_of_margins]), *report.warnings]

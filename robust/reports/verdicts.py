@@ -36,7 +36,7 @@ def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[
         fails = "never, with a friction of the class"
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
-        ("verdict", f"{report.verdict}{report.missed_performance}", proof.verdict),
+        ("verdict", report.headline, proof.verdict),
         ("it means", report.meaning, MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),

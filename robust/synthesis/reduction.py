@@ -16,11 +16,13 @@ from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.lti.connections import closed_loop
+from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase, with_names
+from robust.lti.minimal import channel_units
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
-from robust.models.sets.forms import DEFAULT_FORM
+from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM
 from robust.models.sets.measured import FrfSource
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
@@ -186,8 +188,13 @@ def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     if G.ninputs == G.noutputs == 1:
         radius = np.full(1, 0.9 * LEAST_RADIUS)
         return UncertaintyModel(G, small, DEFAULT_FORM, omega, radius, perturbation="LTI")
-    left, right = (one,) * G.ninputs, (small,) * G.ninputs
-    return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
+    if G.ninputs == G.noutputs:
+        left, right = (one,) * G.ninputs, (small,) * G.ninputs
+        return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
+    # a set at the inputs alone reaches no output more than there are inputs: every entry, in units of its channels
+    rows, columns = channel_units(np.median(np.abs(response_by_channel(G, structure_grid(G)[1:])), axis=2))
+    left, right = tuple(small * size for size in rows), tuple(one * size for size in columns)
+    return UncertaintyModel(G, form=ADDITIVE, left=left, right=right, omega=omega, perturbation="LTI")
 
 
 def without_set(report: RobustnessReport) -> RobustnessReport:

@@ -1,8 +1,8 @@
-"""Fits: a nominal plant, its order, its poles, weights.
+"""Fits: a nominal plant, its poles, weights.
 
+class_error      what a class of models misses: an error next to the scatter of the lines, and its size
 fit_uncertainty  standard deviations of poles, zeros, gain and delay
 nominal          the nominal model: a rational function through a measured FRF
-orders           how many poles the FRF asks for
 rational         rational functions through complex data: vector fitting, starting poles, numerators
 refinement       a rational function, or a weight, refined by its roots
 search           where a fit starts: scanned delays, vector fitting, the fits of fewer poles

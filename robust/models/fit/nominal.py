@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeAlias, TypeVar
@@ -20,6 +21,7 @@ from nlfrf._base.arguments import (
     require_real_array,
     short_form,
 )
+from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
 from robust._base.warnings import DesignWarning
@@ -125,6 +127,7 @@ class MatrixFitProblem:
 def matrices_given(bla: object) -> list[Bla]:
     """Return the matrices given, one or at several levels, of the same channels; none if it is anything else."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    require_same_units(many)
     matrices = [one for one in many if is_matrix(one)]
     if not matrices:
         return []
@@ -137,6 +140,17 @@ def matrices_given(bla: object) -> list[Bla]:
                     f"{', '.join(getattr(one, name))}"
                 )
     return matrices
+
+
+def require_same_units(given: object) -> None:
+    """Refuse BLAs of one list whose units differ, where both are known."""
+    blas = [one for one in given if isinstance(one, Bla)] if isinstance(given, list | tuple) else []
+    for one, other in itertools.combinations(blas, 2):
+        for name in ("input_units", "output_units"):
+            for pair in zip(getattr(one, name), getattr(other, name), strict=False):
+                if units_differ(*pair):
+                    first, second = (one.unit, other.unit) if one.is_single and other.is_single else pair
+                    raise ValueError(f"bla must be records in the same units, got {first} and {second}")
 
 
 def require_same_channels(frm: Bla, known: object, of: str) -> None:

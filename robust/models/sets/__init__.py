@@ -10,6 +10,7 @@ joint            the probability that a whole FRF lies in the set
 measured         a plant known on measured lines only: its lines, radius, hold
 membership       whether a plant lies in a set at every frequency, by exact polynomials
 model            `UncertaintyModel`: a nominal and the set around it, for any number of channels
+orders           how many poles a nominal takes: by what its set allows a loop, or by what the data show
 perturbations    Delta as a system, random or of a given value at a frequency, and the plant it makes
 radius           how large the set about a nominal (a model or an FRF) has to be on each line, and what it is made of
 records          what a set remembers of a record: its lines, FRF and scatter

@@ -42,6 +42,7 @@ from robust.models.fit.nominal import (
     checked_weight,
     matrices_given,
     require_same_channels,
+    require_same_units,
 )
 from robust.models.sets.family import (
     CLOSE_LIFT,
@@ -195,6 +196,7 @@ def uncertainty(
     ('robust', 4.99)
     """
     bla = bla_of_fit(bla, nominal)
+    require_same_units(bla)
     rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
     order = None if order is None else require_integer("order", order, least=0)
     if find_family(bla):

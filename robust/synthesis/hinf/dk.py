@@ -211,19 +211,22 @@ def dk_iteration(
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
     best, reason = empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
-    history, idle, of_best = (
-        [],
-        0,
-        Attempt(design=best, gamma=0.0, scaling=[identity_scaling(timebase(P))] * len(s.kinds)),
-    )
+    history: list[tuple[float, float, int]] = []
+    idle = 0
+    of_best = Attempt(design=best, gamma=0.0, scaling=[identity_scaling(timebase(P))] * len(s.kinds))
     last, moves = of_best, None
     for _ in range(n_rounds):
-        if moves is None:
-            tried, failed = alternate(
-                P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
-            )
-        else:
-            tried, failed = move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        try:
+            if moves is None:
+                tried, failed = alternate(
+                    P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
+                )
+            else:
+                tried, failed = move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            if not history:
+                raise
+            tried, failed = [], f"the next round failed: {error}"
         if not tried:
             reason = failed
             break

@@ -13,6 +13,7 @@ import numpy as np
 from nlfrf._base.values import ArrayField, value
 from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
 from robust.lti.norms import EPS, from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
+from robust.lti.stability import eigenvalues_with_rounding
 
 #: Of the largest singular value: below it a direction of the channels has no effect of its own.
 RANK_TOLERANCE = 1e-10
@@ -154,21 +155,34 @@ def scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray
 
 
 def hidden_mode(plant: Plant) -> str:
-    """Empty where u and y reach every mode that is not stable, else which they do not."""
+    """Empty where u and y reach every mode that is not stable, else which they do not.
+
+    Ranks depend neither on the units of states and channels nor on those of time: rows and columns are scaled alike.
+    """
     A, n = plant.A, plant.A.shape[0]
-    for mode in np.linalg.eigvals(A) if n else ():
+    for mode, moved in zip(*eigenvalues_with_rounding(A), strict=True):
         if mode.real < -1e-9 * max(1.0, abs(mode)) or mode.imag < 0:
             continue
         away = A - mode * np.eye(n)
+        np.fill_diagonal(away, np.where(np.abs(np.diag(away)) > moved, np.diag(away), 0.0))  # rounding is no path
         for matrix, description in (
             (np.hstack([away, plant.B2]), "u does not reach"),
             (np.vstack([away, plant.C2]), "y misses"),
         ):
-            if np.linalg.svd(matrix, compute_uv=False)[n - 1] < 1e-10 * max(1.0, float(np.linalg.norm(A))):
+            if rank_margin(matrix) < RANK_TOLERANCE:
                 s = mode * plant.speed
                 where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
                 return f"{description} the mode at {where}"
     return ""
+
+
+def rank_margin(matrix: np.ndarray) -> float:
+    """Return the least singular value of a matrix whose rows and columns are scaled to norms near one."""
+    for _ in range(20):
+        for axis in (0, 1):
+            size = np.linalg.norm(matrix, axis=axis, keepdims=True)
+            matrix = matrix / np.where(size > 0, size, 1.0)
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1])
 
 
 def map_region(plant: Plant, a: float, b: float) -> Plant:

@@ -11,9 +11,14 @@ from robust.lti.connections import block_diagonal, closed_loop, in_series
 from robust.lti.lti import is_clockless, response, response_by_channel, timebase, with_names
 from robust.lti.norms import hinf_norm, stabilising_riccati, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable
+from robust.lti.stability import unstable_pole_values
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
+from robust.synthesis.hinf.generalised_plant import rank_margin
+
+#: Of the rank margin of an unstable mode, from which on down it is named where the loop is not stable.
+NEARLY_CANCELLED = 1e-2
 
 
 def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
@@ -81,10 +86,23 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
     CL = control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt)
     achieved = hinf_norm(CL)[0]
     if not np.isfinite(achieved):
-        return Design(K=K, gamma=achieved, gamma_min=gamma_min, CL=CL)
+        reason = explain_unstable(shaped, gamma_min)
+        return Design(K=K, gamma=achieved, gamma_min=gamma_min, met=False, reason=reason, CL=CL)
     proof = certify_closed_loop(coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop")
     reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
     return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL)
+
+
+def explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
+    """Return that K does not stabilise a shaped plant, and which of its modes is hardest to reach or to see."""
+    modes = unstable_pole_values(shaped, timebase(shaped))
+    away = [shaped.A - mode * np.eye(shaped.nstates) for mode in modes]
+    reached = [min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C]))) for one in away]
+    text = f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, beyond what rounding leaves"
+    if not reached or min(reached) > NEARLY_CANCELLED:
+        return text
+    variable, mode = "z" if timebase(shaped) else "s", np.real_if_close(modes[int(np.argmin(reached))])
+    return f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero: {min(reached):.1g} of it is left"
 
 
 def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:

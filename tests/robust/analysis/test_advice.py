@@ -65,6 +65,15 @@ def test_the_largest_part_decides(w, f0, parts, said, cure):
     assert ("Or measure there." in advice) == (f0 > 10)
 
 
+def test_a_lower_bandwidth_is_no_advice_where_T_is_one():
+    flat = control.ss([], [], [], [[0.1]])
+    through_one = control.tf([20 * np.pi, 2 * np.pi], [1, 0])  # L = 20 pi/s
+    at_one = check(model_of(flat, odd=1.0), through_one, certify=False).advice
+    assert "|T| is near one: a lower bandwidth leaves it there. Identify at the level of the loop" in at_one
+    at_peak = check(model_of(flat, odd=1.0), loop_at(3.0), certify=False).advice
+    assert "Odd distortion: lower the bandwidth" in at_peak
+
+
 def test_a_rise_that_is_only_assumed_asks_for_a_measurement():
     w = control.tf([0.1 / (2 * np.pi * 20), 0.1], [1e-5, 1])  # 0.1 in the band, three times that at 60 Hz
     advice = check(model_of(w, odd=1.0), loop_at(60.0), certify=False).advice

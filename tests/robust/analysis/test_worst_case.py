@@ -365,6 +365,7 @@ def test_a_stable_loop_with_thin_margins_is_warned_of():
     assert report.proofs.robustly_stable
     assert report.margins.S_worst > 2
     found = unwrapped(str(report))
+    assert report.summary.startswith("verdict:     STATISTICALLY ROBUST, THIN MARGINS: ")
     assert f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
     assert "What makes it smaller: a lower gain" in found
     assert check(set_, 0.8 * 0.9).margins.S_worst < 0.98 * report.margins.S_worst

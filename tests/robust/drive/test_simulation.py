@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 from nlfrf.axis import Drive
-from robust.drive.check import simulate_drive
+from robust.drive.check import DriveCheck, DriveVerdict, simulate_drive
 from robust.drive.friction import DriveFriction
 from robust.drive.simulation import (
     FEWEST,
@@ -139,6 +139,32 @@ def test_the_distance_that_was_asked_for_is_answered():
     assert DriveFriction(simulated=away).answers("m", 7e-6)["within"].endswith("no, as simulated")
     assert "in the end at most 8 um off the set point" in str(away)
     assert "Asked" not in DriveFriction(simulated=rests).answers("m")["within"]
+
+
+def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
+    """The first line said that the linear loop passed, and "not judged" stood above a bound that was proved."""
+    hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
+    rests = replace(hunting, amplitudes=np.zeros(RUNS))
+    margins, settings = SimpleNamespace(S_worst=1.5), SimpleNamespace(base_unit="m")
+    report = SimpleNamespace(margins=margins, peak=2.0)
+
+    def judged(**friction):
+        seen = SimpleNamespace(
+            linear_passed=True, safe=False, friction=DriveFriction(**friction), report=report, settings=settings
+        )
+        seen.verdict = DriveCheck.verdict.fget(seen)
+        return seen.verdict, DriveCheck.findings.fget(seen)[0]
+
+    assert judged(simulated=hunting) == (
+        DriveVerdict.NOT_PASSED,
+        "NOT PASSED, friction: the axis hunts by +-4 um in simulation",
+    )
+    known = SimpleNamespace(error_bound=2e-5)
+    assert judged(simulated=hunting, bounded=known)[0] is DriveVerdict.NOT_PASSED
+    bounded, line = judged(simulated=rests, bounded=known)
+    assert bounded is DriveVerdict.FRICTION_BOUNDED
+    assert line.startswith("linear loop passed; friction bounded, rest not proved: the axis stays within 20 um, proved")
+    assert judged(simulated=rests)[0] is judged()[0] is DriveVerdict.FRICTION_NOT_JUDGED
 
 
 def test_one_run_alone_is_no_hunting():

@@ -9,6 +9,7 @@ from html import escape
 import control
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 import nlfrf
 import robust
@@ -50,7 +51,7 @@ def shown(make, *args, **kwargs):
 @pytest.fixture(scope="module")
 def run():
     """BLA, nominal, model, controller and report of a record that is warned of, and all that was shown of them."""
-    record = replace(recorded(1.0), warnings=(HOSTILE,))
+    record = replace(shown(recorded, 1.0)[0], warnings=(HOSTILE,))  # whose clipped input is known
     bla, said = shown(identify, record)
     nominal, of_fit = shown(fit_nominal, bla, n_poles=3, n_zeros=0)
     model, of_model = shown(uncertainty, bla, nominal, order=2)
@@ -239,7 +240,46 @@ def test_warnings_as_errors_stop_and_an_ignored_one_is_kept(run):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DesignWarning)
         assert fit_nominal(bla, n_poles=3, n_zeros=0).warnings == nominal.warnings
+    record, _ = shown(recorded, 1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error", DataWarning)
         with pytest.raises(DataWarning, match="half the time"):
-            identify(recorded(1.0))
+            identify(record)
+
+
+def test_exports_and_validations_keep_them(run, tmp_path):
+    bla, _, model, _, report, _ = run
+    nlfrf.export_csv(bla, tmp_path / "bla.csv")
+    head = (tmp_path / "bla.csv").read_text(encoding="utf-8").splitlines()
+    assert head[: len(bla.warnings)] == [f"# warning: {' '.join(text.split())}" for text in bla.warnings]
+    assert head[len(bla.warnings)].startswith("f [Hz],Re G")
+    robust.io.export_matlab(model, tmp_path / "m.mat")
+    held = loadmat(tmp_path / "m.mat", simplify_cells=True)["content"]["warnings"]
+    assert np.atleast_1d(held).tolist() == list(model.warnings)
+    assert f"% warning: {HOSTILE}\n" in (tmp_path / "load_m.m").read_text(encoding="utf-8")
+    seen = robust.validate(model, replace(bla, warnings=("of another day",)))
+    assert seen.warnings == (*model.warnings, "of another day")
+    assert f"warning: {HOSTILE}" in str(seen)
+    assert report.warnings[0] == HOSTILE
+    bare = replace(bla, warnings=())
+    nlfrf.export_csv(bare, tmp_path / "bare.csv")
+    assert (tmp_path / "bare.csv").read_text(encoding="utf-8").startswith("f [Hz],Re G")
+    robust.io.export_matlab(replace(model, warnings=()), tmp_path / "bare.mat")
+    assert "warnings" not in loadmat(tmp_path / "bare.mat", simplify_cells=True)["content"]
+
+
+def test_a_record_made_by_hand_is_looked_at():
+    """Arrays went into a `Record` unseen: what cuts samples into periods was the only one to look."""
+    record = recorded()
+    u, y = record.u.copy(), record.y.copy()
+    y[:, 1, :600] = y[0, 1, 0]
+    dead, said = shown(Record, u=u, y=y, fs=512, lines=record.lines)
+    assert len(said) == 1
+    assert "y stands still for 600 samples from sample 1024" in said[0]
+    assert dead.warnings == tuple(said)
+    bla, _ = shown(identify, dead)
+    assert bla.warnings[0] == said[0]
+    clipped, said = shown(Record, u=np.clip(u, -1, 1), y=record.y, fs=512, lines=record.lines)
+    assert "u seems clipped" in said[0]
+    assert clipped.warnings == tuple(said)
+    assert shown(replace, clipped, hold="zoh")[1] == []  # it is known

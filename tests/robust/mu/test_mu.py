@@ -291,6 +291,15 @@ def test_no_certificate_for_what_is_not_stable(A):
     assert "not stable" in refused.reason
 
 
+@pytest.mark.parametrize("size", [1e-200, 1e200, 1e300])
+@pytest.mark.parametrize("blocks", [[(1, 1), (1, 1)], [(1, 1, "real"), (1, 1)], [(2, 2, "repeated")]])
+def test_numbers_whose_squares_are_none_have_bounds(size, blocks):
+    """At 1e200 the upper bound was nan and the lower zero, at 1e-200 no block was seen."""
+    bounds, known = robust.mu.bounds(size * SP_8_5, blocks), robust.mu.bounds(SP_8_5, blocks)
+    np.testing.assert_allclose(bounds.upper / size, known.upper, rtol=1e-6)
+    np.testing.assert_allclose(bounds.lower / size, known.lower, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -308,6 +317,7 @@ def test_no_certificate_for_what_is_not_stable(A):
             "got a StateSpace; give its response, N.1j . omega., or use",
         ),
         (lambda: robust.mu.lower(SP_8_5 * np.nan, [(2, 2)]), "N must be finite, got 4 nan"),
+        (lambda: robust.mu.upper(SP_8_5[:, :, :0], [(2, 2)]), "and at least one frequency, got the shape .2, 2, 0."),
         (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0), "level must be positive"),
         (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0), "outputs and 1 inputs of N_ss, got 2 rows"),
     ],

@@ -117,7 +117,8 @@ def test_a_weight_with_zeros_in_the_right_half_plane_is_bounded_by_its_value_at_
 
 def test_a_problem_without_a_bound_says_so():
     """Two lags from w and u to z, y = u's: no controller is best, as any level is reached."""
-    P = control.tf([[[-1], [-1]], [[-1], [-1]]], [[[1, 1], [1, 12, 20]], [[1, 1], [1, 12, 20]]])
+    B, C = [[1.0, 0], [0, 1], [0, 0]], [[-1.0, 0, -1]] * 2  # -1/(s + 1) from w, -1/((s + 2)(s + 10)) from u
+    P = control.ss([[-1.0, 0, 0], [0, -12, -20], [0, 1, 0]], B, C, np.zeros((2, 2)))
     found = hinfsyn(P, 1, 1)
     assert found.gamma < 1e-2
     assert found.gamma_min == 0

@@ -14,6 +14,7 @@ from robust.models.fit.weights import minimum_phase
 from robust.mu.blocks import block_structure
 from robust.mu.gain import gain_bound
 from robust.proofs.search.stability import decide_stability
+from robust.synthesis.hinf import dk
 from robust.synthesis.hinf.descent import least_level, sections_of, system_of_sections
 from robust.synthesis.hinf.dk import inverse_system
 from tests.robust.mu.test_mu import along, random_matrix, size
@@ -134,6 +135,35 @@ def test_a_discrete_plant():
     design = dk_iteration(discrete, WITH_PERFORMANCE, 2, 2, n_rounds=1, order=2)
     assert design.mu == pytest.approx(1.18, abs=0.03)
     assert design.K.dt == 0.1
+
+
+def test_a_round_that_fails_leaves_what_there_is(monkeypatch):
+    """The first controller was lost with the error of a later round."""
+    first = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, n_rounds=1)
+
+    def fail(*_, **__):
+        raise ValueError("P must be one that a controller can stabilise")
+
+    monkeypatch.setattr(dk, "fit_scalings", fail)
+    design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, n_rounds=3)
+    assert design.mu == pytest.approx(first.mu, rel=1e-9)
+    assert design.certificate.holds
+    assert design.reason == "the next round failed: P must be one that a controller can stabilise"
+    monkeypatch.setattr(dk, "synthesise", fail)
+    with pytest.raises(ValueError, match="P must be one"):
+        dk_iteration(plant(), WITH_PERFORMANCE, 2, 2)
+
+
+def test_fast_scalings_hide_no_unstable_pair():
+    """Beside scalings with poles at 1e4 rad/s the pair at 0.69 counted as one that u does not reach."""
+    G = control.ss([[0.69, 0.25], [-0.25, 0.69]], np.eye(2), [[1, 0.2], [0.1, 1]], np.zeros((2, 2)))
+    w, w_P = control.tf([50, 5000], [1, 10000]), control.tf([0.5, 1.5], [1, 0.03])
+    model = UncertaintyModel(
+        G, form="input", left=(w, w), right=(1, 1), omega=np.geomspace(1e-3, 1e4, 100), perturbation="LTI"
+    )
+    design = dk_iteration(model, w_P=w_P, n_rounds=2)
+    assert len(design.history) == 2
+    assert design.mu < 1.5
 
 
 def test_scalings_are_minimum_phase_and_have_an_inverse():

@@ -9,6 +9,7 @@ from robust.lti.connections import lower_lft
 from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import to_discrete
 from robust.proofs.search.stability import decide_stability
+from robust.synthesis.hinf.generalised_plant import hidden_mode, prepare_plant
 
 BOOK = control.ss(control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1]))))
 
@@ -138,6 +139,25 @@ def test_a_level_with_an_undamped_solution_is_not_met():
 def hidden(mode, reached):
     B2, C2 = ([[0.0]], [[1.0]]) if reached == "y" else ([[1.0]], [[0.0]])
     return control.StateSpace([[mode]], np.hstack([[[1.0]], B2]), np.vstack([[[1.0]], C2]), [[0, 1], [1, 0]], 0)
+
+
+@pytest.mark.parametrize("is_hidden", [False, True])
+def test_whether_a_mode_is_hidden_depends_on_no_units(is_hidden):
+    """Relative to the norm of A, a mode that is reached counted as hidden in states of other units."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        n = int(rng.integers(3, 9))
+        A, B, C = (rng.standard_normal(shape) for shape in ((n, n), (n, 2), (2, n)))
+        A[:2] += 2 * np.eye(2, n)
+        if is_hidden:  # u does not reach the first two
+            A[:2, 2:], B[:2, 1] = 0, 0
+            A[:2, :2] = [[0.5, 2.0], [-2.0, 0.5]]
+        states, speed = 10 ** rng.uniform(-5, 5, n), 10 ** rng.uniform(-5, 5)
+        channels = 10 ** rng.uniform(-5, 5, 4)
+        A, B, C = A * states[:, None] / states, B * states[:, None] * channels[:2], C / states * channels[2:, None]
+        P = control.StateSpace(speed * A, speed * B, C, [[0, 1], [1, 0]], 0)
+        found = hidden_mode(prepare_plant(P, 1, 1))
+        assert found.startswith("u does not reach the mode") if is_hidden else found == ""
 
 
 @pytest.mark.parametrize(

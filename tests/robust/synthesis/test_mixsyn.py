@@ -6,7 +6,6 @@ import pytest
 
 from robust import UncertaintyModel, check, mixsyn, performance_weight, sampled
 from robust.lti import discretize
-from robust.lti.connections import weighted_plant
 from robust.lti.lti import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
@@ -53,9 +52,6 @@ def test_two_channels_with_a_zero_in_the_way(crossovers, gamma):
     assert design.gamma_min == pytest.approx(gamma, abs=1e-2)
     assert design.met
     assert design.gamma <= 1.011 * design.gamma_min
-    one = control.StateSpace([], [], [], np.eye(2), 0)
-    theirs = control.hinfsyn(weighted_plant(G, 2, n_u=2, weights=[("e", w_P), ("u", one)]), 2, 2)[2]  # SLICOT's
-    assert design.gamma_min == pytest.approx(theirs, rel=5e-3)
     omega = np.geomspace(1e-5, 1e4, 3000)
     g, k, w = (np.moveaxis(X(1j * omega), 2, 0) for X in (G, design.K, w_P))
     S = np.linalg.inv(np.eye(2) + g @ k)

@@ -175,6 +175,19 @@ def test_a_plant_of_several_channels_alone():
     assert_words_of_a_plant(found.report)
 
 
+@pytest.mark.parametrize("tall", [True, False])
+def test_a_plant_that_is_not_square(tall):
+    """The set that a plant alone stands for was one at its inputs, which such a plant cannot have."""
+    G = control.ss([[-1.0]], [[1.0]], [[1.0], [0.5]], np.zeros((2, 1)))
+    K = control.ss(np.diag([-1.0, -50.0]), 0.3 * np.ones((2, 2)), [[1.0, 1.0]], np.zeros((1, 2)))
+    if not tall:
+        G, K = (control.ss(one.A.T, one.C.T, one.B.T, one.D.T) for one in (G, K))
+    found = reduce_controller(K, G, order=1)
+    assert found.K.nstates == 1
+    np.testing.assert_allclose(found.K(0), K(0), rtol=1e-6)
+    assert found.report.proofs.robustly_stable
+
+
 def test_without_performance_the_loop_stays_where_it_was():
     """K = 0 keeps every verdict on a stable plant: the closed loop may move by a tenth."""
     K = ncfsyn(BOOK, control.tf([1, 2], [1, 0])).K

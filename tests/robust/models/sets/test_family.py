@@ -193,8 +193,7 @@ def test_matrix_weights_are_near_the_smallest_ones_and_below_diagonal_ones():
 
 def test_a_pole_that_crosses_asks_for_an_inverse_form():
     """SP 7.2.3 and 8.2.3: (s - a) with a of either sign, which no multiplicative error holds."""
-    plants = [control.append(control.tf([1], [1, a]), control.tf([1], [1, 2])) for a in (-0.2, 0.2)]
-    plants = [control.ss(plant) for plant in plants]
+    plants = [control.append(*(control.ss([[-p]], [[1]], [[1]], [[0]]) for p in (a, 2.0))) for a in (-0.2, 0.2)]
     nominal = control.ss(np.diag([-0.01, -2.0]), np.eye(2), np.eye(2), np.zeros((2, 2)))
     with pytest.raises(ValueError, match="an inverse where the number of poles in the right half plane differs"):
         robust.uncertainty(plants, nominal, form="output")
