@@ -7,6 +7,7 @@ zero and at infinity, and lifted until nothing is violated.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 
 import control
@@ -286,15 +287,20 @@ def add_states(problem: MagnitudeProblem, growth: Growth, more: int) -> Growth:
         start = problem.clip_sections(add_section(growth.placed[0], section, split), order)
         tries.append(fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=6))
     start, _ = min(tries, key=lambda fit: cost(problem.excess(fit[0], fit[1], order)[0])[0])
+    grown = placed_weight(problem, start, order)
+    # a section whose zeros cancel its poles changes nothing: growing never makes it worse
+    least, before, gain = growth.fit
+    same = least, add_section(before, np.array([problem.log_x.mean(), 0.0])[:more], np.zeros(more)), gain
+    return replace(grown, fit=min(grown.fit, same, key=lambda fit: fit[0]))
+
+
+def placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> Growth:
+    """Return the weight whose sections stand best near a start, by least squares and then by least excess."""
     theta, log_k = placed = fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=8)
     theta, log_k = polish_by_barrier(
         problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=12
     )
-    # a section whose zeros cancel its poles changes nothing: growing never makes it worse
-    least, before, gain = growth.fit
-    same = least, add_section(before, np.array([problem.log_x.mean(), 0.0])[:more], np.zeros(more)), gain
-    fit = min((problem.mean_excess(theta, log_k, order), theta, log_k), same, key=lambda fit: fit[0])
-    return Growth(order=order, placed=placed, fit=fit)
+    return Growth(order=order, placed=placed, fit=(problem.mean_excess(theta, log_k, order), theta, log_k))
 
 
 def add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> np.ndarray:
@@ -511,7 +517,9 @@ def best_weight(demand: Demand, order: int) -> WeightFit:
     growth = constant_weight(coarse)
     while growth.order < order:
         growth = add_states(coarse, growth, min(2, order - growth.order))
-    return finished_weight(demand, problem, growth)
+    # of an odd order what grew by pairs may be far from the best: a rational fit of |W|^2 is another start
+    begun = [placed_weight(coarse, start, order) for start in starting_parameters(coarse.thin(150), order) if order]
+    return finished_weight(demand, problem, min([growth, *begun], key=lambda one: one.fit[0]))
 
 
 def choose_weight(demand: Demand) -> WeightFit:
