@@ -355,7 +355,7 @@ def warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
     if one_record and ratio > COST_LIMIT:
         data_warning(
             f"a nominal model of {fit.G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
-            f"scatter alone would leave, and the misfit goes into the radius. {fit.describe_class_error()}",
+            f"scatter alone would leave, and the misfit goes into the radius; {fit.describe_class_error()}",
             DesignWarning,
         )
     far = poles_outside(fit.G, omega)
@@ -505,8 +505,8 @@ class NominalFit:
         low, worst = ~(self.omega > self.omega_c), int(np.argmax(share))
         band = "" if np.isnan(self.omega_c) else f" below {format_hertz(self.omega_c)}"
         return (
-            f"error of the class: {100 * np.sqrt(np.mean(share[low] ** 2)):.2g} % of |G|{band} (rms over lines), "
-            f"at most {100 * share[worst]:.2g} % at {format_hertz(self.omega[worst])}"
+            f"error of the class: {np.sqrt(np.mean(share[low] ** 2)):.2g} of |G|{band} (rms over lines), at most "
+            f"{share[worst]:.2g} of |G| at {format_hertz(self.omega[worst])}"
         )
 
 

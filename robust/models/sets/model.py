@@ -397,7 +397,7 @@ class UncertaintyModel:
         for side, here in (("below", self.omega <= crossover), ("above", self.omega > crossover)):
             if here.any():
                 k = int(np.argmax(np.where(here, relative, -1.0)))
-                made = ", ".join(f"{name} {100 * share:.0f} %" for share, name in self.radius_shares(k)[:3])
+                made = ", ".join(f"{name} {share:.0%}" for share, name in self.radius_shares(k) if share > 0.005)
                 text += (
                     f"; {side} the crossover of {crossover / 2 / np.pi:.4g} Hz at most {relative[k]:.3g} of |G| at "
                     f"{self.omega[k] / 2 / np.pi:.4g} Hz" + f" ({made})" * bool(made)
