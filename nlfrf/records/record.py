@@ -10,9 +10,7 @@ import numpy as np
 
 from nlfrf._base.arguments import (
     HOLDS,
-    WARNED,
     channel_names,
-    collect_warnings,
     keep_warnings,
     require_choice,
     require_kind,
@@ -22,7 +20,6 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.numbers import is_constant
 from nlfrf._base.values import ArrayField, value
-from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.lines import LineGrid
 
 if TYPE_CHECKING:
@@ -116,7 +113,7 @@ class Record(Channels):
     u_name, y_name, u_unit, y_unit : str
         The same for one input and one output.
     warnings : sequence of str
-        What was warned of while it was made: text of each `DataWarning`. One that is made without any is looked at.
+        What was warned of while it was made: text of each `DataWarning`.
 
     Raises
     ------
@@ -190,26 +187,12 @@ class Record(Channels):
             (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
         )
         self.__post_init__()  # which the decorator makes: arrays that nobody else can write
-        if not (WARNED.get() or warnings):  # made by hand: what cuts samples into records looks at the streams itself
-            self.__dict__["warnings"] = self._look_at_channels()
 
     def __post_init__(self) -> None:
         for name, channels in (("u", self.inputs), ("y", self.outputs), ("r", self.inputs)):
             signal = getattr(self, name)
             if signal is not None:
                 require_varying(name, signal, channels)
-
-    def _look_at_channels(self) -> tuple[str, ...]:
-        """Warn of channels that are clipped or stand still, and return what was warned of."""
-        with collect_warnings() as texts:
-            for name, channels in (("u", self.inputs), ("y", self.outputs)):
-                signals = getattr(self, name).reshape(-1, self.n_experiments, self.n_periods * self.n_samples)
-                for channel, experiments in zip(channels, signals, strict=True):
-                    for m, one in enumerate(experiments):
-                        which = f"{channel} of experiment {m}" if len(experiments) > 1 else channel
-                        if np.ptp(one):  # inputs that are played one after the other rest meanwhile
-                            warn_about_channel(which, one, self.n_samples)
-        return tuple(texts)
 
     @property
     def is_single(self) -> bool:

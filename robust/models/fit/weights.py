@@ -518,7 +518,8 @@ def best_weight(demand: Demand, order: int) -> WeightFit:
     while growth.order < order:
         growth = add_states(coarse, growth, min(2, order - growth.order))
     # of an odd order what grew by pairs may be far from the best: a rational fit of |W|^2 is another start
-    begun = [placed_weight(coarse, start, order) for start in starting_parameters(coarse.thin(150), order) if order]
+    starts = starting_parameters(coarse.thin(150), order) if order else []
+    begun = [placed_weight(coarse, start, order) for start in starts]
     return finished_weight(demand, problem, min([growth, *begun], key=lambda one: one.fit[0]))
 
 

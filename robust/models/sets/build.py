@@ -293,17 +293,16 @@ CURES = {
 
 
 def warn_of_radius(model: UncertaintyModel) -> None:
-    """Warn of a radius of one or more below the crossover of the nominal, or on the lowest line where none is named."""
+    """Warn of a radius of one or more below the crossover that the nominal was fitted for."""
     relative, crossover = model.relative_radius(), model.origin.omega_c
-    low = model.omega <= (model.omega[0] if np.isnan(crossover) else crossover)
-    over = low & (relative >= 1)
+    over = (model.omega <= crossover) & (relative >= 1)
     if not over.any():
         return
     k = int(np.argmax(np.where(over, relative, -1.0)))
     shares = model.radius_shares(k)
-    below = "on the lowest line" if np.isnan(crossover) else f"below the crossover of {format_hertz(crossover)}"
     data_warning(
-        f"the radius of the set reaches {relative[k]:.3g} of |G| {below}, at {format_hertz(model.omega[k])}: no loop "
+        f"the radius of the set reaches {relative[k]:.3g} of |G| below the crossover of {format_hertz(crossover)}, at "
+        f"{format_hertz(model.omega[k])}: no loop "
         f"with that bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {CURES[shares[0][1]]}",
         DesignWarning,
     )

@@ -10,7 +10,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_count, format_hertz, require_integer
+from nlfrf._base.arguments import format_count, format_hertz, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase, to_s_plane
@@ -198,7 +198,7 @@ def scan_orders(
     if several and excess > 1:
         raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
 
-    many = records_of(bla, dt)
+    many = records_of(bla, require_nonnegative("dt", dt))
     fits: list[NominalFit] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
