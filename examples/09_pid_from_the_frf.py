@@ -37,7 +37,8 @@ for structure in ("I", "PI", "PID"):
     design = robust.design_frf(bla, structure, M_S=1.6, dt=1e-3, delay=5e-4, n_starts=4)
     low = 1e-3  # rad/s: K = ki/s there
     ki = abs(design.K(np.exp(1j * low * 1e-3))) * low
-    print(f"{structure:10s} {ki:22.0f} {len(design.history):6d}   {design.reason}; limits met: {design.met}")
+    print(f"{structure:10s} {ki:22.0f} {len(design.history):6d}   limits met: {design.met}")
+    print(fill(design.reason, 96, initial_indent="    ", subsequent_indent="    "))
     designs[structure] = design
 K = designs["PID"].K
 

@@ -54,7 +54,7 @@ from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.orders import scan_orders
+from robust.models.sets.orders import NEAR_BEST, UNDAMPED, doubtful_roots, scan_orders
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)
@@ -96,7 +96,7 @@ class DriveVerdict(State):
 
     PASSED = "passed"
     NOT_PASSED = "not passed"
-    FRICTION_BOUNDED = "linear loop passed; friction bounded, rest not proved"
+    FRICTION_BOUNDED = "linear loop passed; friction bounded, rest unproved"
     FRICTION_NOT_JUDGED = "linear loop passed; friction not judged"
 
 
@@ -946,9 +946,10 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
             scan_orders(machine, n_poles=(n,), relative_degree=2, delay=0.0, stable=not unstable, omega_c=omega_c)
             for n in ORDERS
         ]
-        each = [one for one in each if not cancels_unstable_pole(one.fit.G)]
-        if each:  # |S| is bounded over the set: the smallest one, not the first that is small enough
-            best = min(each, key=lambda one: float(one.loop_radius.min()))
+        each = [one for one in each if not cancels_unstable_pole(one.fit.G) and UNDAMPED not in doubtful_roots(one.fit)]
+        if each:  # |S| is bounded over the set: one near the smallest, not the first that is small enough
+            least = min(float(one.loop_radius[0]) for one in each)
+            best = next(one for one in each if one.loop_radius[0] <= NEAR_BEST * least)
             return best.fit, (*(one.fit for one in each), *scan.fits)
     return scan.fit, scan.fits
 

@@ -160,7 +160,8 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     (2, 0.5)
     """
     p, z = poles(system), zeros(system)
-    distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero mirrors no zero
+        distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
     mirrored = (distance.min(axis=1, initial=1.0) < ALLPASS_TOLERANCE) & (p.real < -ALLPASS_TOLERANCE * np.abs(p))
     n = int(mirrored.sum())
     delay = float(np.sum(-2 * (1 / p[mirrored]).real))

@@ -199,7 +199,8 @@ def optimal_scalings(
     return D_L, D_R, G
 
 
-ONE_WAY = 1e4  # by how much less a block counts than one that acts on it and on which it does not act
+#: By how much less what couples two blocks one way counts than what is in them, and the largest ratio of the two.
+ONE_WAY, MAX_COUPLING = 1e4, 1e16
 
 
 def separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
@@ -223,8 +224,12 @@ def scalings_of_loops(
         own = np.flatnonzero(label == k)
         rows, cols = (np.concatenate([np.r_[cut[i]] for i in own]) for cut in (s.rows, s.cols))
         sizes = [(s.rows[i].stop - s.rows[i].start, s.cols[i].stop - s.cols[i].start, s.kinds[i]) for i in own]
-        found = optimal_scalings(N[:, rows[:, None], cols], block_structure("blocks", sizes), target=target)
-        unit = ONE_WAY ** -float(depth[own[0]])
+        inside = N[:, rows[:, None], cols]
+        found = optimal_scalings(inside, block_structure("blocks", sizes), target=target)
+        # what couples the loops has to vanish next to what is in them, whatever units it is in
+        least = np.min(np.abs(inside).max(axis=(1, 2)), initial=np.inf, where=np.abs(inside).max(axis=(1, 2)) > 0)
+        coupling = max(1.0, float(np.abs(N).max() / least)) if np.isfinite(least) else 1.0
+        unit = (ONE_WAY * min(coupling, MAX_COUPLING)) ** -float(depth[own[0]])
         D_L[:, rows[:, None], rows], D_R[:, cols[:, None], cols] = unit * found[0], unit * found[1]
         G[:, cols[:, None], rows] = found[2]
     return D_L, D_R, G

@@ -24,6 +24,7 @@ from robust.io.certificates import certificate_path, save_certificate, verify_ce
 from robust.io.models import load_bla, load_controller, load_controller_context, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.search import UNLIKELY_COST
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.orders import describe_order, scan_orders
@@ -96,7 +97,11 @@ def fit_nominal_model(
     levels = blas if isinstance(blas, list) else [blas]
     if n_poles is None and (omega_c is not None or len(levels) == 1):
         scan = scan_orders(blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c)
-        return repeat_warnings(scan.fit), f"{scan}"
+        if omega_c is not None:
+            return repeat_warnings(scan.fit), f"{scan}"
+        order = f"order: the data ask for {describe_order(scan.fit)}; robust orders lists the others"
+        order += ", and none explains all that was measured" if scan.fit.p_value < UNLIKELY_COST else ""
+        return repeat_warnings(scan.fit), order
     if n_poles is None:
         # of several levels the order that one of them asks for at most: what one model leaves of all is no order
         scans = [scan_orders(level, delay="auto" if delay is None else delay, dt=dt, stable=stable) for level in levels]
@@ -105,7 +110,15 @@ def fit_nominal_model(
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
     fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable, omega_c=omega_c)
-    return fit, ""
+    if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
+        return fit, ""
+    best = scan_orders(levels[0], dt=dt, stable=stable, omega_c=omega_c).fit
+    left = (
+        f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
+        "explain, and this widens the set"
+    )
+    asked = "the data ask for" if omega_c is None else "for the loop is enough"
+    return fit, left + (f"; {asked} {describe_order(best)}" if best.G.nstates != fit.G.nstates else "")
 
 
 def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> list[tuple[control.StateSpace, float]]:

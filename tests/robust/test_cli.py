@@ -125,7 +125,8 @@ def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
     save(make_bla(softer, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=3, fs=1000), "two.npz")
     code, out, _ = robust_command("model two.npz --poles 2 -o m.json")
     assert code == 0
-    assert "2 poles and 1 zero leave" in unwrapped(out)
+    assert "order: 2 poles and" in unwrapped(out)
+    assert "times what noise and distortion explain" in unwrapped(out)
     assert "the data ask for 4 poles" in unwrapped(out)
 
 

@@ -463,7 +463,7 @@ def fit_weight(
     >>> [fit_weight(omega, np.abs(1 / (1 + 0.1j * omega) ** n)).W.nstates for n in (0, 1, 2)]
     [0, 1, 2]
     """
-    demand = checked_demand(omega, radius, float(dt), importance)
+    demand = checked_demand(omega, radius, require_nonnegative("dt", dt), importance)
     if order is None:
         fit = choose_weight(demand)
         order = fit.W.nstates

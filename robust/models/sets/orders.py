@@ -393,19 +393,19 @@ def choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.
     """Return which fit to take where no crossover was named.
 
     The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
-    explains without cancelled poles and far zeros, then of those that it explains. Undamped poles above the band are
-    taken last: what a machine does not have explains a lead in time, and no more. Where scatter explains none, the set
-    decides: the smallest order that lets a loop reach as high as any.
+    explains without cancelled poles and far zeros, then of those that it explains. A fit with undamped poles above the
+    band explains nothing: what a machine does not have explains a lead in time, and no more. Where scatter explains
+    none, the set decides: the smallest order that lets a loop reach as high as any.
     """
-    explained = np.array([not fit.p_value <= UNLIKELY_COST for fit in fits])
     doubts = [doubtful_roots(fit) for fit in fits]
     damped = np.array([UNDAMPED not in kinds for kinds in doubts])
+    explained = damped & np.array([not fit.p_value <= UNLIKELY_COST for fit in fits])
     if not explained.any():
         some = damped if damped.any() else ~damped
         return smallest_order(fits, some & (reach >= np.max(reach[some]) / NEAR_BEST), -reach)
     carried = np.array([not kinds for kinds in doubts])
     within = np.array([set(kinds) <= {OUTSIDE, UNSURE} for kinds in doubts])
-    groups = (explained & carried, explained & within, explained & damped, explained)
+    groups = (explained & carried, explained & within, explained)
     group = next(g for g in groups if g.any())
     return int(np.argmin(np.where(group, criterion, np.inf)))
 

@@ -1,5 +1,6 @@
 """Sets of continuous plants under a sampled controller: counter-examples, exact limits, simulated operators."""
 
+import re
 from dataclasses import replace
 
 import control
@@ -66,7 +67,7 @@ def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
     report = check(model, K)
     assert report.verdict == "not certified"
     assert report.margins.rs < 1
-    assert "from 125 Hz" in report.reason
+    assert re.search(r"from 12(4\.9|5) Hz", report.reason)
     assert "Sample faster" in report.reason
 
 

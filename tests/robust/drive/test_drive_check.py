@@ -173,7 +173,7 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     code, page, _ = run("motion-trace.csv gains.toml --design motion.npz --force 26")
     page = one_line(page)
     found = re.search(
-        r"friction bounded, rest not proved: the axis stays within .* um, proved, and .* "
+        r"friction bounded, rest unproved: the axis stays within .* um, proved, and .* "
         r"within: at most (\S+) um off, at rest or hunting: proved of the nominal model, "
         r"friction up to 26 N hunts: not known",
         page,

@@ -163,7 +163,7 @@ def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
     assert judged(simulated=hunting, bounded=known)[0] is DriveVerdict.NOT_PASSED
     bounded, line = judged(simulated=rests, bounded=known)
     assert bounded is DriveVerdict.FRICTION_BOUNDED
-    assert line.startswith("linear loop passed; friction bounded, rest not proved: the axis stays within 20 um, proved")
+    assert line.startswith("linear loop passed; friction bounded, rest unproved: the axis stays within 20 um, proved")
     assert judged(simulated=rests)[0] is judged()[0] is DriveVerdict.FRICTION_NOT_JUDGED
 
 

@@ -94,7 +94,7 @@ def commands_in(refusal):
         ("low.npz K.json", "got 1 BLA"),
         ("low.npz mid.npz K.json", "got 2 BLAs"),
         ("a.npz b.npz c.npz K.json", "--nominal nominal.json"),
-        ("low.npz mid.npz high.npz K.json --nominal default.json", "at least two poles more than zeros"),
+        ("low.npz mid.npz high.npz K.json --nominal default.json", "must span from sticking to sliding"),
         ("low.npz mid.npz high.npz default.json K.json", "got both"),
         ("default.json sampled.json K.json", "must be one model, got 2"),
         ("good.json default.json --stiffness 5e4", "default.json, which is a model"),

@@ -249,7 +249,7 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
     with pytest.raises(SystemExit) as stop:
         cli.main()
     said = capsys.readouterr()
-    assert not stop.value.code, said.err
+    assert stop.value.code == 1, said.err  # the verdict of the friction is the worse one
     assert "\nfriction: refuted\n" in said.out
     assert "Two verdicts" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
