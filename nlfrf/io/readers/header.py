@@ -27,17 +27,8 @@ from nlfrf.io.readers.clock import (
     seconds_per_unit,
 )
 from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
+from nlfrf.io.readers.names import parse_unit
 
-#: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
-BARE_UNIT = (
-    r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"
-    r"deg|°|°C|°F|K|C|%|rpm|rev|grad|inch|mic|Ohm|Ω|dB|counts?|cnts?|incr?|ticks?|digits?|lsb|bits?|raw|V/V|volts?|"
-    r"amp(?:ere)?s?|newtons?|meters?|metres?|seconds?|m?sec|sekunden|sequence|"
-    r"bool|1)"
-)
-UNIT_CELL = re.compile(
-    rf"\[[^\]]*\]|\([^)]*\)|{BARE_UNIT}(?:(?:\^?-?\d|[²³])?(?:[*/·.]{BARE_UNIT}(?:\^?-?\d|[²³])?)*)", re.I
-)
 TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
 NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
@@ -55,7 +46,7 @@ RULES = (
         re.compile(r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I),
         re.compile(rf"(?!{NUMBER_CELL.pattern}$).*|1", re.I),
     ),
-    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), UNIT_CELL),
+    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), re.compile(r"\D+")),
     (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
     (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), NUMBER_CELL),
     (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), NUMBER_CELL),
@@ -149,6 +140,11 @@ def place_names_and_units(
     return slice_row(names, -shift, width), slice_row(units, -shift, width) if units else [], {}
 
 
+def is_unit(cell: str) -> bool:
+    """Return whether a cell holds a unit, in brackets or as it is."""
+    return re.fullmatch(r"\[.*\]|\(.*\)", cell) is not None or parse_unit(cell) is not None
+
+
 def bare_unit(unit: str, name: str, abscissa: str) -> str:
     """Return the unit of a column without its brackets, that of the abscissa where a time states none."""
     unit = unit or (abscissa if is_time_name(name) else "")
@@ -206,11 +202,11 @@ def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
-    marked = bare[0] in COMMENT_MARKS and bare[0] != delimiter
+    marked = line.lstrip(" ")[0] in COMMENT_MARKS and bare[0] != delimiter
     bare = bare.lstrip("#%!*/ ") if marked else line
     cells = split_cells(bare, delimiter)
-    if delimiter == " " and len(cells) != width:  # names with blanks in them are separated by several
-        wider = re.split(r"\s{2,}|\t", bare.strip())
+    if len(cells) != width and (delimiter == " " or len(cells) == 1):  # names with blanks are separated by several
+        wider = re.split(r"\s{2,}|\t", bare.strip(' "'))
         cells = wider if len(wider) == width else cells
     return [] if marked and len(cells) == 1 < width else cells
 
@@ -260,6 +256,8 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
     rows = rows[:1] + [row for row in rows[1:] if not all(map(TYPE_CELL.fullmatch, filter(None, row)))]
+    while len(rows) > 1 and len(rows[-1]) == 1 < len(kinds) - kinds.count(Kind.EMPTY):  # "End Comments"
+        rows = rows[:-1]
     over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row = rows[-1] if rows else []
     if above and {*row[len(above) :]} <= {"", "-"}:
@@ -269,7 +267,7 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
         row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
         if (found := names_and_units(above, row)) is not None:
             return (*found, constants)
-    if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
+    if over and len(above) == len(over) and all(map(is_unit, above)):
         return over, above, []
     return names_in(row, kinds), [], []
 
@@ -345,14 +343,14 @@ def is_units_row(row: list[str], above: list[str]) -> bool:
     >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
     (False, False)
     """
-    filled = [cell for cell in row if cell not in ("", "-")]
+    filled = [cell for cell in row if cell.strip("-#")]
     if any(map(is_time_name, row)) and not any(map(is_time_name, above)):
         return False
-    units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
+    units = sum(map(is_unit, filled))
     if units == len(filled):
         return True
-    names = len({*above}) == len(above) and not any(UNIT_CELL.fullmatch(cell) for cell in above if len(cell) > 1)
-    return names and all(above) and units > len(filled) / 2 and UNIT_CELL.fullmatch(row[0]) is not None
+    names = len({*above}) == len(above) and not any(is_unit(cell) for cell in above if len(cell) > 1)
+    return names and all(above) and units > len(filled) / 2 and is_unit(row[0])
 
 
 def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> Clock:
@@ -374,7 +372,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
             continue
         unit = value["unit"] or ""
         scale = (hertz_per_unit if found["rate"] else seconds_per_unit)(unit)
-        if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
+        if scale is None and value["gap"].strip() and not is_unit(unit):
             scale, unit = 1.0, ""  # a word in a cell of its own
         number = parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
         if found["step"] and found["step"].lower().endswith(("time", "zeit")) and number >= MIN_DURATION:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
+GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
@@ -30,6 +31,8 @@ def contents(path: Path) -> Contents:
         start = stream.read(HEAD_BYTES)
     if END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(END_OF_LABVIEW_HEADER)) > 2:
         raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
+    if start.startswith(b"EXPLAIN") and (section := GAMRY_IMPEDANCE.search(path.read_bytes())):
+        return read_table(section[0])
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
         return read_table(decode_text(path.read_bytes()).encode())
     return read_table(start, path)

@@ -49,7 +49,7 @@ TABLES = {
     "names alone": table("f,dB,degrees", F, DB, WRAPPED),
     "ratio and radians": table("f,|G| [1],phase [rad]", F, np.abs(G), np.unwrap(np.angle(G))),
     "ratio and degrees": table("f,magnitude [V/V],phase", F, np.abs(G), WRAPPED),
-    "small ratios": table("f,magnitude,phase", F, 1e-3 * np.abs(G), np.angle(G)),
+    "small ratios": table("f,magnitude [1],phase [rad]", F, 1e-3 * np.abs(G), np.angle(G)),
     "real and imaginary": table("f,Re,Im", F, G.real, G.imag),
     "rad/s": table("omega [rad/s],Re G,Im G", 2 * np.pi * F, G.real, G.imag),
     "omega": table("omega,Re G,Im G", 2 * np.pi * F, G.real, G.imag),
@@ -119,7 +119,8 @@ def test_one_of_several_channels_is_asked_for(tmp_path):
 @pytest.mark.parametrize(
     ("text", "word", "true"),
     [
-        (table("f,gain,phase [rad]", F, np.abs(G), np.angle(G)), "'gain' .* is taken for a ratio, not decibels", G),
+        (table("f,gain,phase [rad]", F, DB, np.angle(G)), "'gain' .* is taken for dB, not a ratio", G),
+        (table("Frequency,Re,Im", F, G.real, G.imag), "'Frequency' .* is taken for Hz, not rad/s", G),
         (
             table("f,dB,phase", F, 0 * F, -F / 20),
             "'phase' .* for degrees, not radians",
@@ -135,14 +136,126 @@ def test_a_unit_that_is_not_stated_is_said(text, word, true, tmp_path):
     np.testing.assert_allclose(bla.G, true, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("f [rpm],dB,degrees", "rpm"), ("f,dB,phase [gon]", "gon")])
-def test_a_unit_that_is_not_known_is_refused(name, unit, tmp_path):
-    path = write(tmp_path / "bode.csv", table(name, F, DB, WRAPPED))
-    with (
-        pytest.warns(nlfrf.DataWarning, match=rf"is in {unit}, where .* are known: left out"),
-        pytest.raises(ValueError, match=r"path must hold an FRF, by name: .* got 'bode.csv' with f"),
+#: Names of columns and what they hold, by which the table is that of G at F.
+MEANT = {
+    "a sign": ("f,Re,-Im", F, G.real, -G.imag),
+    "a Unicode sign, after a unit": ("freq/Hz,Re(Z)/Ohm,\u2212Im(Z)/Ohm", F, G.real, -G.imag),
+    "impedance": ("Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω);-Phase (°)", F, G.real, -G.imag, np.abs(G), -WRAPPED),
+    "another impedance": ("f [Hz];Zreal;Zimag;Zmod [1];Zphz [deg]", F, G.real, G.imag, np.abs(G), WRAPPED),
+    "lag": ("Frequency (Hz),Gain (dB),Phase lag (deg)", F, DB, -WRAPPED),
+    "conjugate": ("f,Re,Im (conj)", F, G.real, -G.imag),
+    "attenuation": ("f,Attenuation (dB),Phase (deg)", F, -DB, WRAPPED),
+    "inverse": ("f,1/|G| [1],arg(1/G) [deg]", F, 1 / np.abs(G), -WRAPPED),
+    "inverse by its parts": ("f,Re(1/G),Im(1/G)", F, (1 / G).real, (1 / G).imag),
+    "neper": ("f,Gain (Np),Phase (deg)", F, np.log(np.abs(G)), WRAPPED),
+    "bel, gon": ("f,Gain (B),Phase (gon)", F, DB / 10, WRAPPED / 0.9),
+    "logarithm, turns": ("f,log10|G|,Phase (turns)", F, DB / 20, WRAPPED / 360),
+    "20 log": ("f,20*log10|G|,Phase (pi rad)", F, DB, WRAPPED / 180),
+    "squared": ("f,|G|²,Phase (mrad)", F, np.abs(G) ** 2, 1e3 * np.angle(G)),
+    "percent": ("f,Gain (%),Phase (deg)", F, 100 * np.abs(G), WRAPPED),
+    "one number is zero": ("f,Gain (V/V),Phase (deg)", F, np.abs(G) * (F < 199), WRAPPED),
+    "rad/min": ("Frequency (rad/min),Gain (dB),Phase (deg)", 2 * np.pi * 60 * F, DB, WRAPPED),
+    "rpm": ("f [rpm],dB,degrees", 60 * F, DB, WRAPPED),
+    "ten hertz": ("Frequency (x10 Hz),Gain (dB),Phase (deg)", F / 10, DB, WRAPPED),
+    "two units": ("f,Re [mm/N],Im [m/N]", F, 1e3 * G.real, G.imag),
+    "network analyser": ('"Freq [Hz]","dB(S(2,1)) []","ang_deg(S(2,1)) [deg]"', F, DB, WRAPPED),
+    "quantity behind": ("Freq(Hz),S21(REAL),S21(IMAG)", F, G.real, G.imag),
+    "glued": ("FreqHz,MagdB,PhaseDeg", F, DB, WRAPPED),
+    "dB of a unit": ("f,Magnitude dB re 1 mm/N,Phase (deg)", F, DB + 60, WRAPPED),
+    "viscoelastic": ("f,Storage modulus (Pa),Loss modulus (Pa)", F, G.real, G.imag),
+}
+
+
+@pytest.mark.parametrize("name", MEANT)
+@pytest.mark.filterwarnings("error")
+def test_names_are_parsed_whole(name, tmp_path):
+    header, *columns = MEANT[name]
+    path = write(tmp_path / "bode.csv", table(header, *columns, sep=";" if ";" in header else ","))
+    bla = nlfrf.io.load_frf(path, relative_std=0.02)
+    kept = F < 199 if name == "one number is zero" else F > 0
+    np.testing.assert_allclose(bla.f, F[kept], rtol=1e-7)
+    np.testing.assert_allclose(bla.G, G[kept], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "why"),
+    [
+        ("f,Gain (foo),Phase (deg)", (DB, WRAPPED), r"'foo' in 'Gain \(foo\)' is not known"),
+        ("f,Gain (dB),Phase margin (deg)", (DB, WRAPPED), "'margin' in 'Phase margin"),
+        ("f,Normalised gain (dB),Normalised phase (deg)", (DB, WRAPPED), "'Normalised' in 'Normalised gain"),
+        ("Frequency (rad/sample),Gain (dB),Phase (deg)", (DB, WRAPPED), "'rad/sample' in 'Frequency"),
+        ("Frequency (normalised),Gain (dB),Phase (deg)", (DB, WRAPPED), "'normalised' in 'Frequency"),
+        ("f,Gain (dB),Phase [grad]", (DB, WRAPPED), r"'grad' in 'Phase \[grad\]'"),
+        ("f,gain,phase [deg]", (np.abs(G), WRAPPED), r"'gain' names no unit and may be in dB, or a ratio, \[1\]"),
+        (
+            "f,Amplitude,Gain (dB),Phase (deg)",
+            (0.5 + 0 * F, DB, WRAPPED),
+            "'Gain .*' and 'Amplitude' may both be the magn",
+        ),
+        ("f,Re,Im,Magnitude (dB),Phase (deg)", (G.real, -G.imag, DB, WRAPPED), "'Re' and 'Im' contradict 'Magnitude"),
+        ("f,Re [m],Im [m/N]", (G.real, G.imag), "'Re .*' and 'Im .*' must be in one unit"),
+        ("f,Re(1/G),Im(G)", (G.real, G.imag), "only one of .* is of an inverse"),
+        ("f,omega,Re,Im", (7 * F, G.real, G.imag), "the frequencies 'f' and 'omega' contradict each other"),
+    ],
+)
+def test_names_that_are_not_understood_are_refused_with_the_option(header, columns, why, tmp_path):
+    path = write(tmp_path / "bode.csv", table(header, F, *columns))
+    with pytest.raises(
+        ValueError, match=rf"^columns must say what those of 'bode.csv' are: {why}.*; as in '(f|mag|G)="
     ):
         nlfrf.io.load_frf(path, relative_std=0.02)
+    assert "--columns COLUMNS" in nlfrf.inspect_file(path).command
+
+
+def test_columns_are_said(tmp_path):
+    path = write(
+        tmp_path / "a.csv", "\n".join(f"{f:.9g};{g.real:.9g};{-g.imag:.9g}" for f, g in zip(F, G, strict=True))
+    )
+    with pytest.raises(ValueError, match="or say what they are by columns, as in"):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+    bla = nlfrf.io.load_frf(path, relative_std=0.02, columns="f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]")
+    np.testing.assert_allclose(bla.G, G, rtol=1e-6)
+    path = write(
+        tmp_path / "b.csv", table("f,Gain (foo),Phase (deg),Std (bar)", F, 1 / np.abs(G), WRAPPED, 0.1 * np.abs(G))
+    )
+    bla = nlfrf.io.load_frf(path, columns="f=f, mag=1/Gain (foo) [1], phase=Phase, std=Std (bar) [1]")
+    np.testing.assert_allclose(bla.G, G, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(bla.var_total), 0.1 * np.abs(G), rtol=1e-6)
+    for wrong in ("f=nothing, re=f", "x=f", "f=f [N]", "f"):
+        with pytest.raises(
+            ValueError, match=r"columns must be f, G, re, .* got '.*'; the columns of 'b.csv' are f, Gain"
+        ):
+            nlfrf.io.load_frf(path, relative_std=0.02, columns=wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "factor"),
+    [
+        ("Std (dB)", 0.5, 10 ** (0.5 / 20) - 1),
+        ("Std (%)", 3.0, 0.03),
+        ("Std [1]", 0.1 * np.abs(G), 0.1),
+        ("Std phase (deg)", 1.0, np.sqrt(2) * np.pi / 180),
+        ("Std Gain (dB),Std Phase (deg)", 0.5, np.hypot(10 ** (0.5 / 20) - 1, np.radians(0.5))),
+    ],
+)
+def test_units_of_a_deviation(name, values, factor, tmp_path):
+    columns = [values + 0 * F for _ in name.split(",")]
+    path = write(tmp_path / "bode.csv", table(f"f,Gain (dB),Phase (deg),{name}", F, DB, WRAPPED, *columns))
+    np.testing.assert_allclose(np.sqrt(nlfrf.io.load_frf(path).var_total), factor * np.abs(G), rtol=1e-6)
+
+
+def test_other_columns_are_left_out_with_a_word(tmp_path):
+    names = "f,Gain (dB),Phase (deg),Temp (°C),Phase error (deg)"
+    path = write(tmp_path / "bode.csv", table(names, F, DB, WRAPPED, 21 + 0 * F, 0.1 + 0 * F))
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"left out as no part of the FRF in 'bode.csv': 'Temp .*', 'Phase error"
+    ):
+        bla = nlfrf.io.load_frf(path, relative_std=0.02)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-6)
+    assert "not of it: 'Temp (°C)', 'Phase error (deg)'" in nlfrf.inspect_file(path).frf
+    path = write(tmp_path / "named.csv", table("f,Plant gain (dB),Plant phase (deg)", F, DB, WRAPPED))
+    with pytest.warns(nlfrf.DataWarning, match=r"'Plant' in .* is taken for what was measured"):
+        assert nlfrf.io.load_frf(path, relative_std=0.02).f.size == F.size
 
 
 @pytest.mark.parametrize(
