@@ -118,7 +118,7 @@ def load_frf(
         raise ValueError(
             "path must hold an FRF, by name: frequencies that rise or fall throughout, with magnitude and phase or "
             f"real and imaginary part, got {name!r} with {', '.join(file.arrays)}; call the columns as in "
-            "'f [Hz],gain [dB],phase [deg]', or say what they are by columns, as in 'f=col1 [Hz], mag=col2 [dB], "
+            "'f [Hz],gain [dB],phase [deg]', or give columns, as in 'f=col1 [Hz], mag=col2 [dB], "
             "phase=col3 [deg]'; nlfrf inspect shows what a file holds"
         )
     wanted = re.sub(r"\W", "", channel).lower()
@@ -365,7 +365,7 @@ def complex_numbers(form: Sequence[Column], G: np.ndarray | None = None) -> np.n
 
 
 def unit_of_parts(form: Sequence[Column]) -> tuple[float, str]:
-    """Return the unit of G, which is that of all parts, or else without prefixes: its factor to SI units, and its text."""
+    """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its text."""
     parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
     units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
     if len({unit.powers for unit in units}) > 1:
@@ -398,7 +398,7 @@ def last_decimal(x: np.ndarray) -> float:
 
 
 def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
-    """Return the standard deviation of G in SI units, or of a part of it; None where it does not say how it goes with G."""
+    """Return the standard deviation of G or of a part in SI units; None where its unit does not go with that of G."""
     x, unit = np.abs(column.x), column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
     if unit is None or column.parsed.unknown:
         return None

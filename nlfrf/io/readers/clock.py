@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
-from nlfrf.io.readers.names import TURN, parse_powers, parse_unit, suits
+from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
 #: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
@@ -60,9 +60,7 @@ def unit_in_name(name: str) -> str | None:
     """
     name = NUMBER_SUFFIX.sub("", name)
     if bracket := UNIT_SUFFIX.search(name):
-        unit = parse_unit(bracket[1])
-        of_node = {"V": "V", "I": "A"}.get(name[: bracket.start(1) - 1])  # V(in) and I(m) are of a node and a part
-        is_unit = unit is not None and (not of_node or unit.powers == parse_powers(of_node))
+        is_unit = parse_bracket(name[: bracket.start(1) - 1], bracket[1]) is not None
         return bracket[1].strip() if is_unit or is_time_name(name) else None
     found = TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
     return found[1] if found and found[1] and is_time_name(name) else None
@@ -83,7 +81,7 @@ def split_clock_name(name: str) -> tuple[str, str]:
 def seconds_per_unit(unit: str) -> float | None:
     """Return the seconds in a unit of time, in one second without a unit; None where it is not known."""
     found = parse_unit(unit) if suits("time", parse_unit(unit)) else parse_unit(unit.lower())
-    return found.factor if suits("time", found) else None if unit.strip() else 1.0
+    return found.factor if found and suits("time", found) else None if unit.strip() else 1.0
 
 
 def hertz_per_unit(unit: str) -> float | None:

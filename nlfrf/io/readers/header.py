@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf._base.arguments import data_warning
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
     RATE_WORDS,
@@ -69,6 +70,11 @@ MAX_UNPAIRED = 2  # columns without a name, or names without a column
 CLOCK_TEXT = re.compile(
     rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
 )
+#: The factor from the rate of a converter to that of the table, and what the latter is called.
+DECIMATION = re.compile(
+    r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])", re.I
+)
+OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
 #: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
 CLOCK_VALUE = re.compile(
     r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
@@ -78,11 +84,12 @@ CLOCK_VALUE = re.compile(
 
 
 class Clock(NamedTuple):
-    """A sampling frequency [Hz] that a preamble states, 0 where there is none; its label and its unit of time."""
+    """A sampling frequency [Hz] that a preamble states, 0 where there is none, or where it states several, `rates`."""
 
     fs: float = 0.0
     label: str = ""
     unit: str = ""
+    rates: tuple[tuple[str, float], ...] = ()
 
 
 class Header(NamedTuple):
@@ -356,14 +363,18 @@ def is_units_row(row: list[str], above: list[str]) -> bool:
 def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> Clock:
     """Find the sampling frequency in the lines above a table; that of an unknown unit is none.
 
-    A sampling time of seconds may be the duration of the record.
+    A sampling time of seconds may be the duration of the record. Of several rates that of the output counts, and a
+    rate before a decimation is divided by it.
 
     >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
     Clock(fs=2000.0, label='Sample rate', unit='s')
     >>> find_clock(("Sampling time,125,[us]",)).fs, find_clock(("dt,0.25",)).unit, find_clock(("Notes",)).fs
     (8000.0, '', 0.0)
+    >>> find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs, find_clock(("fs = 10", "dt = 1")).rates
+    (1000.0, (('line 1', 10.0), ('line 2', 1.0)))
     """
-    for line in lines:
+    clocks: dict[str, Clock] = {}
+    for i, line in enumerate(lines):
         found = CLOCK_TEXT.search(line)
         value = (
             CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
@@ -379,8 +390,19 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
-            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == "Delta_X" else unit)  # by LabVIEW
-    return Clock()
+            unit = "s" if found["rate"] or found[0] == "Delta_X" else unit  # by LabVIEW
+            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = Clock(fs, found[0].strip(), unit)
+    factor = DECIMATION.search("\n".join(lines))
+    if clocks and factor and (rate := max(one.fs for one in clocks.values()) / int(factor[1])) > 0:
+        if int(factor[1]) > 1 and not any(map(OUTPUT.search, clocks)):
+            data_warning(
+                f"{rate:g} Hz are taken, the rate above the table over {factor[0]!r}; give fs if it is another"
+            )
+        clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not OUTPUT.search(name)}
+    outputs = [one for name, one in clocks.items() if OUTPUT.search(name)] or [*clocks.values()]
+    if len({f"{one.fs:.9g}" for one in outputs}) > 1:
+        return Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))
+    return outputs[0] if outputs else Clock()
 
 
 def parse_number(text: str, delimiter: str, decimal: str) -> float:

@@ -13,16 +13,30 @@ import re
 import unicodedata
 from collections import Counter, defaultdict
 from functools import lru_cache
-from math import log, pi, prod
+from math import log, pi
 from typing import NamedTuple
 
 import numpy as np
 
 TURN = 2 * pi
 PREFIXES = {
-    **{"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6},
-    **{"G": 1e9, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "kilo": 1e3},
-    **{"mega": 1e6, "giga": 1e9},
+    "": 1.0,
+    "p": 1e-12,
+    "n": 1e-9,
+    "u": 1e-6,
+    "μ": 1e-6,
+    "m": 1e-3,
+    "k": 1e3,
+    "K": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+    "nano": 1e-9,
+    "micro": 1e-6,
+    "milli": 1e-3,
+    "centi": 1e-2,
+    "kilo": 1e3,
+    "mega": 1e6,
+    "giga": 1e9,
 }
 #: Decades of a ratio in one of a scale: `log10` and `ln` are those of the ratio itself, dB10 that of a power.
 SCALES = {
@@ -30,7 +44,9 @@ SCALES = {
     **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
     **dict.fromkeys(("log10", "lg"), 1.0),
     **dict.fromkeys(("B", "bel"), 1 / 2),
-    **{"dB10": 1 / 10, "dNp": 0.1 / log(10), "cNp": 0.01 / log(10)},
+    "dB10": 1 / 10,
+    "dNp": 0.1 / log(10),
+    "cNp": 0.01 / log(10),
 }
 #: Units by their spellings: the factor to base units, and the powers of these. A base unit stands for itself.
 ANGLES = {
@@ -127,7 +143,8 @@ def known_symbols() -> dict[str, tuple[float, str, str]]:
 def find_symbol(symbol: str) -> tuple[float, str, str] | None:
     """Find factor, powers and bare symbol of a unit in one word."""
     known = known_symbols()
-    return known.get(symbol) or known.get(symbol.lower()) or known.get(symbol[:1] + symbol[1:].lower())
+    others = (symbol.lower(), symbol[0] + symbol[1:].lower()) if len(symbol) > 1 else ()
+    return next((known[one] for one in (symbol, *others) if one in known), None)
 
 
 @lru_cache(4096)
@@ -151,22 +168,28 @@ def parse_unit(text: str) -> Unit | None:
     flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), text)
     flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
     factors = re.findall(FACTOR, flat) if re.fullmatch(f"(?:{FACTOR})+", flat) else []
-    symbols = [find_symbol(symbol) for _, _, _, symbol, _ in factors if symbol]
-    if not symbols or None in symbols:
-        return None
-    scale, powers, places = 1.0, Counter[str](), iter(symbols)
+    scale, powers = 1.0, Counter[str]()
     for mark, number, exponent, symbol, power in factors:
         n = int(power or exponent or 1) * (-1 if mark in ("/", "per") else 1)
-        one = next(places) if symbol else (float(number), "", "")
+        one = find_symbol(symbol) if symbol else (float(number), "", "")
+        if one is None:
+            return None
         scale *= one[0] ** n
         powers.update({base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)})
-    return Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, text)
+    has_symbol = any(symbol for _, _, _, symbol, _ in factors)
+    return Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, text) if has_symbol else None
 
 
 def parse_powers(text: str) -> tuple[tuple[str, int], ...]:
     """Return the powers of base units in a unit that is known."""
     unit = parse_unit(text)
     return unit.powers if unit else ()
+
+
+def parse_bracket(before: str, inside: str) -> Unit | None:
+    """Parse the unit in brackets behind a name; None also of a node or a part of a circuit, as in V(in), I(m)."""
+    unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(before)
+    return None if of and unit and unit.powers != parse_powers(of) else unit
 
 
 def normalize(text: str) -> str:
@@ -243,10 +266,10 @@ WORD = re.compile(
 class ColumnName(NamedTuple):
     """What the name of a column says: its quantity, and how it is meant.
 
-    The quantity is one of `QUANTITIES`, "complex", "level" of a signal, and empty where it is none. `part` is that of a standard deviation,
-    `sign` that of the numbers; `inverse` says that they are of 1/G, `is_conjugate` of its conjugate; `scale` is the
-    power of G that they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words
-    that stand in no table, hence names of a thing, or words that must not be ignored.
+    The quantity is one of `QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of a
+    standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which power
+    of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that stand
+    in no table, hence names of a thing, or words that must not be ignored.
     """
 
     quantity: str = ""
@@ -287,6 +310,8 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
             found["real" if token.count("'") == 1 else "imaginary"].append(token)
         elif token.startswith("^"):
             role = "squared" if token == "^2" else "no_name"
+        elif is_complex and token.lower() == "in":
+            role = "name"  # V(in)
         elif re.fullmatch(SOCKET, token, re.I):
             role = "socket"
         elif (role == "minus" and before.isdigit()) or (role in QUANTITIES and len(token) == 1 and not is_first):
@@ -331,7 +356,7 @@ def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool
         "loss": quantity != "magnitude",
         "inverse": quantity in ("std", "coherence", "frequency"),
         "power": quantity not in ("magnitude", "coherence"),
-        "squared": quantity not in ("magnitude", "coherence") or (in_scale and unit.text != "dB10"),
+        "squared": quantity not in ("magnitude", "coherence") or (in_scale and unit != parse_unit("dB10")),
         **{one: one not in (quantity, "magnitude", part) for one in QUANTITIES},
     }
     unknown = found["unknown"] + [word for role in odd if odd[role] for word in found[role]]
@@ -404,7 +429,8 @@ def split_unit(text: str) -> tuple[str, str]:
     """
     for found in reversed(list(BRACKET.finditer(text))):
         inside = next((part for part in found.groups() if part), "").strip()
-        if parse_unit(inside) and (inside != "1" or found[1]):
+        before = text[: found.end() - len(found[0].lstrip())]
+        if parse_bracket(before, inside) and (inside != "1" or found[1]):
             return inside, text[: found.start()] + text[found.end() :]
     for found in TAIL.finditer(text):
         tail = text[found.end() :].strip()

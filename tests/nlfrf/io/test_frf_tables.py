@@ -211,7 +211,7 @@ def test_columns_are_said(tmp_path):
     path = write(
         tmp_path / "a.csv", "\n".join(f"{f:.9g};{g.real:.9g};{-g.imag:.9g}" for f, g in zip(F, G, strict=True))
     )
-    with pytest.raises(ValueError, match="or say what they are by columns, as in"):
+    with pytest.raises(ValueError, match="or give columns, as in"):
         nlfrf.io.load_frf(path, relative_std=0.02)
     bla = nlfrf.io.load_frf(path, relative_std=0.02, columns="f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]")
     np.testing.assert_allclose(bla.G, G, rtol=1e-6)
