@@ -23,7 +23,6 @@ PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
 KEYS = {"f": "frequency", "G": "complex", "re": "real", "im": "imaginary", "mag": "magnitude", "phase": "phase"}
 KEYS |= {"std": "std", "coherence": "coherence"}
 MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
-MAX_TURNS = 20  # a phase of more turns without a unit is no radians
 NO_NAMES = FILLERS["no_name"].split()
 SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
 MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
@@ -221,13 +220,13 @@ def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
     whole = [one for one in found if one.parsed.quantity in WHOLE]
     what, size = next((one.parsed.of_what, one.x.size) for one in whole if one.parsed.label == label)
-    is_alone = all(one.parsed.label == label for one in whole)
+    is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
 
     def related(quantity: str) -> list[Column]:
         some = [one for one in found if one.parsed.quantity == quantity and one.x.size == size]
         own = [one for one in some if one.parsed.label == label]
         bare = [one for one in some if not one.parsed.label]
-        fitting = [one for one in some if is_alone and (not what or one.parsed.of_what in ("", what))]
+        fitting = [one for one in some if is_alone and is_nested(what.split(), one.parsed.of_what.split())]
         other = {
             "frequency": bare or some,
             "std": bare,
@@ -252,6 +251,11 @@ def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     others = [one for one in found if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)]
     left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
     return table._replace(left_out=left_out) if table.f.size else None
+
+
+def is_nested(a: Sequence[str], b: Sequence[str]) -> bool:
+    """Return whether one of two lists of words holds the other."""
+    return {*a} <= {*b} or {*b} <= {*a}
 
 
 def assemble(
@@ -341,9 +345,7 @@ def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
         if not np.mean(x[np.isfinite(x)] < 0) > MIN_NEGATIVE:
             raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
     elif quantity == "phase" and not in_matlab:
-        high, step = np.nanmax(np.abs(x)), np.nanmax(np.abs(np.diff(x)), initial=0.0)
-        taken, other = ("degrees", "radians") if high > TURN else ("radians", "degrees")
-        other = "" if high > TURN and (step > TURN or high > MAX_TURNS * TURN) else other
+        taken, other = ("degrees", "radians") if np.nanmax(np.abs(x)) > TURN else ("radians", "degrees")
     if other:
         data_warning(
             f"{column.name!r} of {file!r} names no unit and is taken for {taken}, not {other}: write the unit behind "
@@ -404,7 +406,10 @@ def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarr
         return None
     if unit.decades:
         return np.asarray(size * (10 ** (unit.decades * x) - 1))
-    if suits("phase", unit) or (not unit.powers and unit.factor < 1 and unit != own):
+    is_share = not unit.powers and unit.factor < 1
+    if is_share and unit == own:
+        return None  # of a G in percent, too
+    if is_share or suits("phase", unit):
         return np.asarray(size * unit.factor * x)
     return x * unit.factor if unit.powers == (own or Unit(1.0)).powers else None
 

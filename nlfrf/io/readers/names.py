@@ -83,7 +83,7 @@ PHYSICAL = {
     "Pa": (1.0, "kg m-1 s-2"),
     "bar": (1e5, "kg m-1 s-2"),
     "psi": (6894.757293168, "kg m-1 s-2"),
-    "A amp amps ampere amperes App Arms Apk": (1.0, "A"),
+    "A amps ampere amperes App Arms Apk": (1.0, "A"),
     "V volt volts Vpp Vrms Vpk Vp": (1.0, "kg m2 s-3 A-1"),
     "Ohm ohm ohms Ω ω": (1.0, "kg m2 s-3 A-2"),
     "S siemens mho": (1.0, "kg-1 m-2 s3 A2"),
@@ -172,7 +172,7 @@ def parse_unit(text: str) -> Unit | None:
     for mark, number, exponent, symbol, power in factors:
         n = int(power or exponent or 1) * (-1 if mark in ("/", "per") else 1)
         one = find_symbol(symbol) if symbol else (float(number), "", "")
-        if one is None:
+        if one is None or (number and mark in ("/", "per")):
             return None
         scale *= one[0] ** n
         powers.update({base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)})
@@ -194,7 +194,7 @@ def parse_bracket(before: str, inside: str) -> Unit | None:
 
 def normalize(text: str) -> str:
     """Return a text without accents, with one sign for each of the minus signs, primes, degrees and squares."""
-    text = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", text))
+    text = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", text.replace("ℜ", "Re").replace("ℑ", "Im")))
     text = "".join(one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
     return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", text)))
 
@@ -238,6 +238,8 @@ REWRITTEN = (
     (r"('+)\([ab]\)", r"\1"),  # of a + j b
     (r"\(\*\)", "(°)"),  # as some programs write the sign
     (r"∠", " phase "),
+    (r"(?<![^\W_])([SZYG])\((\d)[,;](\d)\)", r"\1\2\3"),
+    (r"_rad_(?:per_)?s(?:ec)?$", " rad/s"),
     (r"(?<![^\W_])([^\W\d_]\d{0,2})\((?:f|s|z|[ij][*·]?[wω])\)", r"\1"),  # H(f), G(jw)
     (r"^([^\[(|]*[^\W_])\.(?=[^\W\d])", r"⟪\1⟫ "),  # the struct of a variable
     (r"(?:^|(?<=[(=:\[\s|]))-(?=[^\s\d\-\])])|^-", " minus "),
@@ -251,7 +253,7 @@ FUNCTION = re.compile(
     re.I,
 )
 BRACKET = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\})")
-TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|in\s+)?)(?=[^\s(\[⟪-])")
+TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|(in)\s+)?)(?=[^\s(\[⟪-])")
 #: Where words are written as one: "Zmod", "ReZ", "FreqHz", "MagdB".
 GLUED = re.compile(
     r"(?<=(?<![^\W\d_])[ZYGH])(?=(?:re|im|img|mod|abs|mag|ph|phz|phase|arg|real|imag)(?![^\W\d_]))|"
@@ -259,7 +261,8 @@ GLUED = re.compile(
 )
 SOCKET = r"(?:channel|chan|ch|trace|trc|tr|kanal)\s*\d*(?![^\W_])"
 WORD = re.compile(
-    rf"[⟪⟫]|{SOCKET}|\^\s?-?\d+|log10|dB[12]0|[^\W\d_]+'+|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]", re.I
+    rf"[⟪⟫()\[\]]|{SOCKET}|\^\s?-?\d+|log10|dB[12]0|[^\W\d_]+'+|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
+    re.I,
 )
 
 
@@ -295,17 +298,18 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     ['phase', '', 'magnitude', 'magnitude', 'magnitude', 'magnitude']
     """
     text = normalize(re.sub(r"\.\d+$", "", name)).strip()
-    unit_text, text = (text, "") if parse_unit(text) else (stated, text)
+    unit_text, text = (text, "") if is_scale(text) else (stated, text)
     for pattern, words in REWRITTEN:
         text = re.sub(pattern, words, text, flags=re.I)
     while (inner := FUNCTION.sub(rewrite_function, text)) != text:
         text = inner
     unit_text, text = (unit_text, text) if unit_text else split_unit(text)
     found: defaultdict[str, list[str]] = defaultdict(list)
-    depth, before, is_first = 0, "", True
+    depth, brackets, before, is_first = 0, 0, "", True
     for token in WORD.findall(GLUED.sub(" ", text)):
         depth += {"⟪": 1, "⟫": -1}.get(token, 0)
-        role = ROLES.get(token.lower(), "filler" if token in "⟪⟫" else "name")
+        brackets += {"(": 1, "[": 1, ")": -1, "]": -1}.get(token, 0)
+        role = ROLES.get(token.lower(), "filler" if token in "⟪⟫()[]" else "name")
         if "'" in token:
             found["real" if token.count("'") == 1 else "imaginary"].append(token)
         elif token.startswith("^"):
@@ -319,7 +323,8 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
         elif role == "name" and not depth and is_scale(token):
             role = "unit"
         found[role].append(token.rstrip("'"))
-        if role == "no_name" or (role == "name" and not depth and not re.fullmatch(r"[^\W\d_]?\d*'*", token)):
+        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]\d*'*", token))
+        if role == "no_name" or (role == "name" and not is_known):
             found["unknown"].append(token)
         before, is_first = token, is_first and (depth > 0 or token == "⟫")
     return combine(found, unit_text, is_complex)
@@ -416,8 +421,9 @@ def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
 def rewrite_function(found: re.Match[str]) -> str:
     """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
     argument = found[2].strip()
-    is_unit = parse_unit(argument) and (argument == "°" or len(argument) > 1)
+    is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
     is_word = is_unit or (len(argument) > 1 and argument.lower() in ROLES)
+    is_word = is_word or (found[1].lower() in ("phase", "angle", "mag") and len(argument) > 1 and argument.islower())
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 
@@ -434,7 +440,8 @@ def split_unit(text: str) -> tuple[str, str]:
             return inside, text[: found.start()] + text[found.end() :]
     for found in TAIL.finditer(text):
         tail = text[found.end() :].strip()
-        if parse_unit(tail) and (found[1] == "/" or not ((len(tail) == 1 and tail.isalnum()) or tail == "in")):
+        is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, but behind a stroke or "in"
+        if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
             return tail, text[: found.start()]
     return "", text
 

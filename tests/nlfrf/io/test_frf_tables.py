@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import nlfrf
+from benchmarks import names
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 from tests.robust.test_cli import robust_command  # noqa: F401 (a fixture)
 from tests.support.measurement_files import write_uff
@@ -48,7 +49,7 @@ TABLES = {
     "ELVIS": table("Frequency (Hz)\tGain (dB)\tPhase (deg)", F, DB, WRAPPED, sep="\t"),
     "names alone": table("f,dB,degrees", F, DB, WRAPPED),
     "ratio and radians": table("f,|G| [1],phase [rad]", F, np.abs(G), np.unwrap(np.angle(G))),
-    "ratio and degrees": table("f,magnitude [V/V],phase", F, np.abs(G), WRAPPED),
+    "ratio and degrees": table("f,magnitude [V/V],phase deg", F, np.abs(G), WRAPPED),
     "small ratios": table("f,magnitude [1],phase [rad]", F, 1e-3 * np.abs(G), np.angle(G)),
     "real and imaginary": table("f,Re,Im", F, G.real, G.imag),
     "rad/s": table("omega [rad/s],Re G,Im G", 2 * np.pi * F, G.real, G.imag),
@@ -120,6 +121,7 @@ def test_one_of_several_channels_is_asked_for(tmp_path):
     ("text", "word", "true"),
     [
         (table("f,gain,phase [rad]", F, DB, np.angle(G)), "'gain' .* is taken for dB, not a ratio", G),
+        (table("f,dB,phase", F, DB, WRAPPED), "'phase' .* for degrees, not radians", G),
         (table("Frequency,Re,Im", F, G.real, G.imag), "'Frequency' .* is taken for Hz, not rad/s", G),
         (
             table("f,dB,phase", F, 0 * F, -F / 20),
@@ -332,6 +334,95 @@ def test_parameters_of_a_touchstone_file(tmp_path, form):
     path.write_text(f"# kHz Z {form} R 50\n{text}\n")
     with pytest.raises(ValueError, match="it holds Z-parameters: export S-parameters"):
         nlfrf.io.load_frf(path, relative_std=0.02, channel="Z21")
+
+
+@pytest.mark.parametrize("options", ["# S RI kHz R 50", "# R 50 RI S KHZ", "# kHz RI", "# RI kHz ! of an analyser"])
+def test_options_of_a_touchstone_file_stand_in_any_order(options, tmp_path):
+    pytest.importorskip("skrf")
+    path = tmp_path / "one.s1p"
+    path.write_text(
+        f"{options}\n" + "".join(f"{f / 1e3:.12g} {g.real:.12g} {g.imag:.12g}\n" for f, g in zip(F, G, strict=True))
+    )
+    bla = nlfrf.io.load_frf(path, relative_std=0.02)
+    np.testing.assert_allclose(bla.f, F, rtol=1e-9)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        (
+            "Freq [Hz]\tV(out)",
+            lambda f, g: f"{f:.15e}\t({20 * np.log10(abs(g)):.15e}dB,{np.degrees(np.angle(g)):.15e}°)",
+        ),
+        ("Freq [Hz]\tV(out)", lambda f, g: f"{f:.15e}\t{g.real:.15e},{g.imag:.15e}"),
+        ("f,G", lambda f, g: f"{f:.9g},({g.real:.9g}{g.imag:+.9g}j)"),
+        ("f;conj(G)", lambda f, g: f"{f:.9g};{g.real:.9g} {'-+'[int(g.imag < 0)]} {abs(g.imag):.9g}i"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_complex_numbers_as_texts(header, row, encoding, tmp_path):
+    path = tmp_path / "sweep.txt"
+    path.write_text("\n".join([header, *map(row, F, G), ""]), encoding=encoding)
+    bla = nlfrf.io.load_frf(path, relative_std=0.02)
+    np.testing.assert_allclose(bla.f, F, rtol=1e-7)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-7)
+
+
+def test_units_of_frequencies_beside_them(tmp_path):
+    from scipy.io import savemat
+
+    w, path = 2 * np.pi * F, tmp_path / "sys.mat"
+    for held in (
+        {"ResponseData": G[None, None], "Frequency": w, "FrequencyUnit": "rad/s"},
+        {"ResponseData": G[None, None], "Frequency": 60 * w, "FrequencyUnit": "rad/TimeUnit", "TimeUnit": "minutes"},
+        {"ResponseData": G, "Frequency": F, "Units": "Hz"},
+        {"mag": np.abs(G), "phase": np.degrees(np.angle(G)), "wout": w},  # of MATLAB's bode
+        {"re": G.real, "im": G.imag, "wout": w},
+        {"H": G, "freq": F / 1e3, "freq_unit": "kHz"},
+    ):
+        for content in (held, {"sys": held}):
+            savemat(path, content)
+            bla = nlfrf.io.load_frf(path, relative_std=0.02)
+            np.testing.assert_allclose(bla.f, F)
+            np.testing.assert_allclose(bla.G, G)
+    savemat(path, {"H": G, "freq": F, "freq_unit": "furlong"})
+    with pytest.raises(ValueError, match="'furlong' in 'freq' is not known"):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+
+
+def test_files_of_potentiostats_and_loudspeakers(tmp_path):
+    head = "ZPLOT2 ASCII\n  Open Circuit Potential (V): 0.0033\n  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\nEnd Comments\n"
+    columns = np.column_stack([F, 0.01 + 0 * F, 0 * F, F, G.real, G.imag])
+    rows = "".join("\t".join(f"{x:.9E}" for x in row) + "\n" for row in columns)
+    gamry = "EXPLAIN\nTAG\tEISPOT\nOCVCURVE\tTABLE\t2\n\tPt\tT\tVf\n\t#\ts\tV\n\t0\t1\t2\n\t1\t2\t2\nZCURVE\tTABLE\n"
+    gamry += "\tPt\tFreq\tZreal\tZimag\tZsig\n\t#\tHz\tohm\tohm\tV\n"
+    gamry += "".join(
+        f"\t{k}\t{f:.9g}\t{g.real:.9g}\t{g.imag:.9g}\t1\n" for k, (f, g) in enumerate(zip(F, G, strict=True))
+    )
+    for name, text in (("a.z", head + rows), ("b.DTA", gamry)):
+        with pytest.warns(nlfrf.DataWarning, match="left out as no part of the FRF"):
+            bla = nlfrf.io.load_frf(write(tmp_path / name, text), relative_std=0.02)
+        np.testing.assert_allclose(bla.G, G, rtol=1e-7)
+    text = "".join(f"{f:.9g} {x:.9g} {y:.9g}\n" for f, x, y in zip(F, DB, WRAPPED, strict=True))
+    with pytest.warns(nlfrf.DataWarning, match=r"'c.frd' names no columns: they are taken for 'f=col1 \[Hz\], mag"):
+        bla = nlfrf.io.load_frf(write(tmp_path / "c.frd", text), relative_std=0.02)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-6)
+    with pytest.raises(ValueError, match="export the SDF of the analyser"):
+        nlfrf.io.load_frf(write(tmp_path / "d.sdf", "B"), relative_std=0.02)
+
+
+def test_names_composed_of_parts_and_of_words_that_are_not_known(tmp_path):
+    """A part of the thousands of `python -m benchmarks.names`."""
+    refused, n_own = 0, 0
+    with names.readers_in_this_process():
+        for seed in range(80):
+            case = names.draw(seed)
+            outcome, words = names.judge(case, tmp_path)
+            assert outcome is not names.Outcome.WRONG, (seed, case.about, words)
+            n_own += case.is_own and case.may_be_read
+            refused += case.is_own and case.may_be_read and outcome is not names.Outcome.RIGHT
+    assert refused <= names.MOST_REFUSED * n_own
 
 
 def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # noqa: F811
