@@ -416,7 +416,7 @@ def test_names_composed_of_parts_and_of_words_that_are_not_known(tmp_path):
     """A part of the thousands of `python -m benchmarks.names`."""
     refused, n_own = 0, 0
     with names.readers_in_this_process():
-        for seed in range(80):
+        for seed in range(40):
             case = names.draw(seed)
             outcome, words = names.judge(case, tmp_path)
             assert outcome is not names.Outcome.WRONG, (seed, case.about, words)
