@@ -219,14 +219,14 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, FrfTable]:
 def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
     whole = [one for one in found if one.parsed.quantity in WHOLE]
-    what, size = next((one.parsed.of_what, one.x.size) for one in whole if one.parsed.label == label)
+    of, size = next((one.parsed.of_what, one.x.size) for one in whole if one.parsed.label == label)
     is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
 
     def related(quantity: str) -> list[Column]:
         some = [one for one in found if one.parsed.quantity == quantity and one.x.size == size]
         own = [one for one in some if one.parsed.label == label]
         bare = [one for one in some if not one.parsed.label]
-        fitting = [one for one in some if is_alone and is_nested(what.split(), one.parsed.of_what.split())]
+        fitting = [one for one in some if is_alone and is_nested(of.split(), one.parsed.of_what.split())]
         other = {
             "frequency": bare or some,
             "std": bare,
@@ -283,14 +283,14 @@ def assemble(
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
     known = [(one, x) for one in deviations if (x := deviation_of(one, np.abs(G), own)) is not None]
-    n_alike = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G deviates as much
+    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G deviates as much
     coherences = [one for one in coherences[:1] if not one.parsed.unknown]
     used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[:: 1 if np.nanargmax(f) > np.nanargmin(f) else -1]
     table = FrfTable(
         columns=tuple(one.name for one in first),
         f=f[used],
         G=G[used] / divisor,
-        std=np.sqrt(n_alike * sum(x**2 for _, x in known))[used] / divisor if known else None,
+        std=np.sqrt(n_parts * sum(x**2 for _, x in known))[used] / divisor if known else None,
         coherence=convert(coherences[0].parsed, coherences[0].x)[used] if coherences else None,
         unit=unit,
     )
@@ -322,10 +322,10 @@ def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None
     """Refuse words that are not known; those that all parts share are what was measured, which is said."""
     shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
     for one in (axis, *form):
-        if strange := [
+        if unknown := [
             word for word in one.parsed.unknown if one is axis or word not in shared or word.lower() in NO_NAMES
         ]:
-            raise ValueError(f"{strange[0]!r} in {one.name!r} is not known")
+            raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
     if shared and form[0].parsed.quantity != "complex":
         names = join_names([repr(one.name) for one in form])
         data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken for what was measured")
@@ -367,18 +367,18 @@ def complex_numbers(form: Sequence[Column], G: np.ndarray | None = None) -> np.n
 
 
 def unit_of_parts(form: Sequence[Column]) -> tuple[float, str]:
-    """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its text."""
+    """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its name."""
     parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
     units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
     if len({unit.powers for unit in units}) > 1:
         raise ValueError(f"{form[0].name!r} and {form[1].name!r} must be in one unit, or units of one kind")
-    unit, text = units[0], re.sub("^(?:dB.*|%|1)$", "", units[0].text if parts[0].scale == 1 else "")
+    unit, name = units[0], re.sub("^(?:dB.*|%|1)$", "", units[0].text if parts[0].scale == 1 else "")
     divisor = unit.factor if unit.powers and not unit.decades else 1.0
     if len({one.factor for one in units}) > 1:
-        divisor, text = 1.0, re.sub(r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], text)
-    top, slash, bottom = text.rpartition("/")
-    inverted = f"{bottom}/{top}" if slash else text and f"1/{text}"
-    return (1 / divisor, inverted) if parts[0].inverse else (divisor, text)
+        divisor, name = 1.0, re.sub(r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], name)
+    top, slash, bottom = name.rpartition("/")
+    inverted = f"{bottom}/{top}" if slash else name and f"1/{name}"
+    return (1 / divisor, inverted) if parts[0].inverse else (divisor, name)
 
 
 def require_same(G: np.ndarray, first: Sequence[Column], form: Sequence[Column]) -> None:

@@ -148,24 +148,26 @@ def find_symbol(symbol: str) -> tuple[float, str, str] | None:
 
 
 @lru_cache(4096)
-def parse_unit(text: str) -> Unit | None:
-    """Parse a unit without its brackets; None of a text that is none, or that may be one of two.
+def parse_unit(written: str) -> Unit | None:
+    """Parse a unit without its brackets; None of one that is none, or that may be one of two.
 
-    >>> [parse_unit(text).factor for text in ("mm/N", "kOhm", "x10 s", "m/(N*s2)", "percent")]
+    >>> [parse_unit(one).factor for one in ("mm/N", "kOhm", "x10 s", "m/(N*s2)", "percent")]
     [0.001, 1000.0, 10.0, 1.0, 0.01]
     >>> parse_unit("dB").decades, parse_unit("dB re 1 mm/N").factor, [parse_unit(one) for one in ("grad", "mhz", "R1")]
     (0.05, 0.001, [None, None, None])
     """
-    text = normalize(text).strip()
-    if text in SCALES or (len(text) > 1 and text.lower() in map(str.lower, SCALES)):
-        return Unit(1.0, (), SCALES.get(text) or {one.lower(): SCALES[one] for one in SCALES}[text.lower()], text)
-    if found := re.fullmatch(r"dB\s*(?:re[fl]?\.?\s*1?\s*(.+)|\((.+)\)|(Ω|Ohm))", text, re.I):
+    written = normalize(written).strip()
+    if written in SCALES or (len(written) > 1 and written.lower() in map(str.lower, SCALES)):
+        return Unit(
+            1.0, (), SCALES.get(written) or {one.lower(): SCALES[one] for one in SCALES}[written.lower()], written
+        )
+    if found := re.fullmatch(r"dB\s*(?:re[fl]?\.?\s*1?\s*(.+)|\((.+)\)|(Ω|Ohm))", written, re.I):
         of = parse_unit(found[1] or found[2] or found[3])
         return of and of._replace(decades=SCALES["dB"])
-    if text.lower() in RATIOS:
-        return Unit(1.0, text=text)
+    if written.lower() in RATIOS:
+        return Unit(1.0, text=written)
     turned = str.maketrans("*·×⋅. /", "//////*")
-    flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), text)
+    flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written)
     flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
     factors = re.findall(FACTOR, flat) if re.fullmatch(f"(?:{FACTOR})+", flat) else []
     scale, powers = 1.0, Counter[str]()
@@ -177,26 +179,28 @@ def parse_unit(text: str) -> Unit | None:
         scale *= one[0] ** n
         powers.update({base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)})
     has_symbol = any(symbol for _, _, _, symbol, _ in factors)
-    return Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, text) if has_symbol else None
+    return (
+        Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written) if has_symbol else None
+    )
 
 
-def parse_powers(text: str) -> tuple[tuple[str, int], ...]:
+def parse_powers(written: str) -> tuple[tuple[str, int], ...]:
     """Return the powers of base units in a unit that is known."""
-    unit = parse_unit(text)
+    unit = parse_unit(written)
     return unit.powers if unit else ()
 
 
-def parse_bracket(before: str, inside: str) -> Unit | None:
+def parse_bracket(head: str, inside: str) -> Unit | None:
     """Parse the unit in brackets behind a name; None also of a node or a part of a circuit, as in V(in), I(m)."""
-    unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(before)
+    unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
     return None if of and unit and unit.powers != parse_powers(of) else unit
 
 
-def normalize(text: str) -> str:
-    """Return a text without accents, with one sign for each of the minus signs, primes, degrees and squares."""
-    text = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", text.replace("ℜ", "Re").replace("ℑ", "Im")))
-    text = "".join(one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
-    return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", text)))
+def normalize(written: str) -> str:
+    """Return a name without accents, with one sign for each of the minus signs, primes, degrees and squares."""
+    written = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im")))
+    written = "".join(one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one))
+    return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", written)))
 
 
 #: Words by what they stand for. Of several quantities in a name the first here decides: "gain: real" is a real part.
@@ -225,8 +229,8 @@ FILLERS = {
 ROLES = {
     word: role
     for table in (QUANTITIES, SIGNS, INVERSES, POWERS, FILLERS)
-    for role, words in table.items()
-    for word in words.split()
+    for role, listed in table.items()
+    for word in listed.split()
 }
 #: What a name is rewritten by, in turn, before its words are looked up; ⟪⟫ are around what a quantity is of.
 REWRITTEN = (
@@ -235,7 +239,9 @@ REWRITTEN = (
     (r"([12])0\s*[*·.]?\s*log(?:10)?(?![^\W_])", r" dB\g<1>0 "),
     (r"loss[ _]modulus", " imag "),
     (r"storage[ _]modulus", " real "),
-    (r"('+)\([ab]\)", r"\1"),  # of a + j b
+    (r"(?<![^\W_])([^\W\d_])''(?:\([ab]\))?", r" imag ⟪\1⟫ "),
+    (r"(?<![^\W_])([^\W\d_])'(?:\([ab]\))?", r" real ⟪\1⟫ "),  # of a + j b
+    (r"\^\s*2(?!\d|[^\[(]*[\])])", " squared "),  # but not in a unit
     (r"\(\*\)", "(°)"),  # as some programs write the sign
     (r"∠", " phase "),
     (r"(?<![^\W_])([SZYG])\((\d)[,;](\d)\)", r"\1\2\3"),
@@ -261,7 +267,7 @@ GLUED = re.compile(
 )
 SOCKET = r"(?:channel|chan|ch|trace|trc|tr|kanal)\s*\d*(?![^\W_])"
 WORD = re.compile(
-    rf"[⟪⟫()\[\]]|{SOCKET}|\^\s?-?\d+|log10|dB[12]0|[^\W\d_]+'+|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
+    rf"[⟪⟫()\[\]]|{SOCKET}|log10|dB[12]0|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
     re.I,
 )
 
@@ -297,36 +303,32 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     >>> [parse_name(name).quantity for name in ("CH2 Phase lag (deg)", "Temp (°C)", "Zmod", "S11(DB)", "Z/Ohm", "dB")]
     ['phase', '', 'magnitude', 'magnitude', 'magnitude', 'magnitude']
     """
-    text = normalize(re.sub(r"\.\d+$", "", name)).strip()
-    unit_text, text = (text, "") if is_scale(text) else (stated, text)
-    for pattern, words in REWRITTEN:
-        text = re.sub(pattern, words, text, flags=re.I)
-    while (inner := FUNCTION.sub(rewrite_function, text)) != text:
-        text = inner
-    unit_text, text = (unit_text, text) if unit_text else split_unit(text)
+    written = normalize(re.sub(r"\.\d+$", "", name)).strip()
+    unit_text, written = (written, "") if is_scale(written) else (stated, written)
+    for pattern, other in REWRITTEN:
+        written = re.sub(pattern, other, written, flags=re.I)
+    while (inner := FUNCTION.sub(rewrite_function, written)) != written:
+        written = inner
+    unit_text, written = (unit_text, written) if unit_text else split_unit(written)
     found: defaultdict[str, list[str]] = defaultdict(list)
-    depth, brackets, before, is_first = 0, 0, "", True
-    for token in WORD.findall(GLUED.sub(" ", text)):
+    depth, brackets, last, is_first = 0, 0, "", True
+    for token in WORD.findall(GLUED.sub(" ", written)):
         depth += {"⟪": 1, "⟫": -1}.get(token, 0)
         brackets += {"(": 1, "[": 1, ")": -1, "]": -1}.get(token, 0)
         role = ROLES.get(token.lower(), "filler" if token in "⟪⟫()[]" else "name")
-        if "'" in token:
-            found["real" if token.count("'") == 1 else "imaginary"].append(token)
-        elif token.startswith("^"):
-            role = "squared" if token == "^2" else "no_name"
-        elif is_complex and token.lower() == "in":
+        if is_complex and token.lower() == "in":
             role = "name"  # V(in)
         elif re.fullmatch(SOCKET, token, re.I):
             role = "socket"
-        elif (role == "minus" and before.isdigit()) or (role in QUANTITIES and len(token) == 1 and not is_first):
+        elif (role == "minus" and last.isdigit()) or (role in QUANTITIES and len(token) == 1 and not is_first):
             role = "name"  # the direction of a node, "6 minus x"; the f of "H f"
         elif role == "name" and not depth and is_scale(token):
             role = "unit"
-        found[role].append(token.rstrip("'"))
-        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]\d*'*", token))
+        found[role].append(token)
+        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]\d*", token))
         if role == "no_name" or (role == "name" and not is_known):
             found["unknown"].append(token)
-        before, is_first = token, is_first and (depth > 0 or token == "⟫")
+        last, is_first = token, is_first and (depth > 0 or role in ("filler", "unit"))
     return combine(found, unit_text, is_complex)
 
 
@@ -346,8 +348,8 @@ def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool
     part = next((one for one in named if one != "std"), "") if quantity == "std" else ""
     logs = [one for one in found["unit"] if parse_unit(one) != unit] + found["log"]
     if quantity == "frequency":
-        words = {one.lower() for one in found["frequency"]}
-        default = "rad/s" if words & {"w", "omega", "ω", "wout"} else "Hz" if "f" in words else ""
+        called = {one.lower() for one in found["frequency"]}
+        default = "rad/s" if called & {"w", "omega", "ω", "wout"} else "Hz" if "f" in called else ""
         unit = unit if unit_text else parse_unit(default)
         if logs and all(one.lower() in ("log", "log10", "lg") for one in logs):
             unit, logs = (unit or Unit(TURN))._replace(decades=1.0), []
@@ -367,7 +369,7 @@ def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool
     unknown = found["unknown"] + [word for role in odd if odd[role] for word in found[role]]
     unknown += [one for one in logs if not (in_scale and one.lower() == "log")]
     unknown += [unit_text] * (bool(unit_text) and quantity != "" and not suits(quantity, unit))
-    label = " ".join(re.findall(r"[^\W\d_]+|\d+", " ".join(found["socket"] + names)))
+    label = re.sub(r"(?<=[^\W\d_])(?=\d)", " ", " ".join(found["socket"] + names))
     return ColumnName(
         quantity,
         part,
@@ -427,23 +429,23 @@ def rewrite_function(found: re.Match[str]) -> str:
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 
-def split_unit(text: str) -> tuple[str, str]:
+def split_unit(written: str) -> tuple[str, str]:
     """Split a name into the unit in it, in brackets or behind a mark or a blank, and the rest.
 
     >>> split_unit("Gain [dB] (CH2)"), split_unit("freq/Hz"), split_unit("Re H"), split_unit("mag_db")
     (('dB', 'Gain (CH2)'), ('Hz', 'freq'), ('', 'Re H'), ('db', 'mag'))
     """
-    for found in reversed(list(BRACKET.finditer(text))):
+    for found in reversed(list(BRACKET.finditer(written))):
         inside = next((part for part in found.groups() if part), "").strip()
-        before = text[: found.end() - len(found[0].lstrip())]
-        if parse_bracket(before, inside) and (inside != "1" or found[1]):
-            return inside, text[: found.start()] + text[found.end() :]
-    for found in TAIL.finditer(text):
-        tail = text[found.end() :].strip()
+        head = written[: found.end() - len(found[0].lstrip())]
+        if parse_bracket(head, inside) and (inside != "1" or found[1]):
+            return inside, written[: found.start()] + written[found.end() :]
+    for found in TAIL.finditer(written):
+        tail = written[found.end() :].strip()
         is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, but behind a stroke or "in"
         if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
-            return tail, text[: found.start()]
-    return "", text
+            return tail, written[: found.start()]
+    return "", written
 
 
 def is_scale(word: str) -> bool:

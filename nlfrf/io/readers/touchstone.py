@@ -36,8 +36,8 @@ def sort_options(found: re.Match[str]) -> str:
     >>> sort_options(re.match("#(.*)", "# R 75 RI MHz"))
     '# MHz S RI R 75'
     """
-    words = re.sub("!.*", "", found[1])
+    options = re.sub("!.*", "", found[1])
     kinds = {"[kMG]?Hz": "GHz", "[SYZGH]": "S", "DB|MA|RI": "MA", r"R\s+\S+": "R 50"}
     return " ".join(
-        ["#", *((re.findall(rf"(?i)\b(?:{kind})(?!\S)", words) or [default])[0] for kind, default in kinds.items())]
+        ["#", *((re.findall(rf"(?i)\b(?:{kind})(?!\S)", options) or [default])[0] for kind, default in kinds.items())]
     )

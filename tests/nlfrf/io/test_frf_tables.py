@@ -392,7 +392,8 @@ def test_units_of_frequencies_beside_them(tmp_path):
 
 
 def test_files_of_potentiostats_and_loudspeakers(tmp_path):
-    head = "ZPLOT2 ASCII\n  Open Circuit Potential (V): 0.0033\n  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\nEnd Comments\n"
+    head = "ZPLOT2 ASCII\n  Open Circuit Potential (V): 0.0033\n"
+    head += "  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\nEnd Comments\n"
     columns = np.column_stack([F, 0.01 + 0 * F, 0 * F, F, G.real, G.imag])
     rows = "".join("\t".join(f"{x:.9E}" for x in row) + "\n" for row in columns)
     gamry = "EXPLAIN\nTAG\tEISPOT\nOCVCURVE\tTABLE\t2\n\tPt\tT\tVf\n\t#\ts\tV\n\t0\t1\t2\n\t1\t2\t2\nZCURVE\tTABLE\n"
