@@ -219,14 +219,18 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, FrfTable]:
 def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
     whole = [one for one in found if one.parsed.quantity in WHOLE]
-    of, size = next((one.parsed.of_what, one.x.size) for one in whole if one.parsed.label == label)
+    of, size = next((one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label)
     is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
 
     def related(quantity: str) -> list[Column]:
         some = [one for one in found if one.parsed.quantity == quantity and one.x.size == size]
         own = [one for one in some if one.parsed.label == label]
         bare = [one for one in some if not one.parsed.label]
-        fitting = [one for one in some if is_alone and is_nested(of.split(), one.parsed.of_what.split())]
+        fitting = [
+            one
+            for one in some
+            if is_alone and {*of, *one.parsed.of_what.split()} in ({*of}, {*one.parsed.of_what.split()})
+        ]
         other = {
             "frequency": bare or some,
             "std": bare,
@@ -253,11 +257,6 @@ def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     return table._replace(left_out=left_out) if table.f.size else None
 
 
-def is_nested(a: Sequence[str], b: Sequence[str]) -> bool:
-    """Return whether one of two lists of words holds the other."""
-    return {*a} <= {*b} or {*b} <= {*a}
-
-
 def assemble(
     axes: list[Column],
     forms: list[tuple[Column, ...]],
@@ -274,11 +273,14 @@ def assemble(
     same_axes = [one for one in axes[1:] if not is_unclear(one)]
     if differing := [one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=SAME_FRF)]:
         raise ValueError(f"the frequencies {axis.name!r} and {differing[0].name!r} contradict each other")
-    clear = [form for form in others if not any(map(is_unclear, form))]
+    names = {one.name for one in first}
+    clear = [form for form in others if not any(map(is_unclear, form)) and not names >= {one.name for one in form}]
+    for form in clear:
+        require_same(G, first, form)
     for form in others:
-        if form in clear:
-            require_same(G, first, form)
-        elif [one.parsed.quantity for one in form] == [one.parsed.quantity for one in first]:
+        if any(map(is_unclear, form)) and [one.parsed.quantity for one in form] == [
+            one.parsed.quantity for one in first
+        ]:
             a, b = next(pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name)
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")

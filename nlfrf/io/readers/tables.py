@@ -25,7 +25,8 @@ _WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # which has no decimal comma
 #: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between tabs.
 COMPLEX = re.compile(
     rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
-    rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
+    rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|"
+    rf"(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
     re.I,
 )
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
@@ -41,10 +42,9 @@ def contents(path: Path) -> Contents:
         raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
     if start.startswith(b"EXPLAIN") and (section := GAMRY_IMPEDANCE.search(path.read_bytes())):
         return read_table(section[0])
-    if COMPLEX.search(start[-1000:].replace(b"\0", b"").decode("latin-1")) and (
-        found := read_complex(decode_text(path.read_bytes()))
-    ):
-        return found
+    tail = start[-200:].replace(b"\0", b"").decode("latin-1")
+    if re.search(r"[ij]\)?\s|dB,|\t[^\s,]+,", tail, re.I) and COMPLEX.search(tail):
+        return read_complex(decode_text(path.read_bytes()))
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
         return read_table(decode_text(path.read_bytes()).encode())
     return read_table(start, path)
