@@ -339,16 +339,14 @@ def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
     In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
     """
     x, quantity = column.x, column.parsed.quantity
-    if column.parsed.unit or quantity not in ("frequency", "magnitude", "phase"):
+    degrees = ("degrees", "radians") if in_matlab or np.nanmax(np.abs(x)) > TURN else ("radians", "degrees")
+    likely = {"frequency": ("Hz", "rad/s"), "magnitude": ("ratio" if in_matlab else "dB", "a ratio"), "phase": degrees}
+    if column.parsed.unit or quantity not in likely:
         return column
-    taken, other = {"frequency": ("Hz", "rad/s"), "magnitude": ("ratio", ""), "phase": ("degrees", "")}[quantity]
-    if quantity == "magnitude" and not in_matlab:
-        taken, other = "dB", "a ratio"
-        if not np.mean(x[np.isfinite(x)] < 0) > MIN_NEGATIVE:
-            raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
-    elif quantity == "phase" and not in_matlab:
-        taken, other = ("degrees", "radians") if np.nanmax(np.abs(x)) > TURN else ("radians", "degrees")
-    if other:
+    taken, other = likely[quantity]
+    if taken == "dB" and not np.mean(x[np.isfinite(x)] < 0) > MIN_NEGATIVE:
+        raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
+    if not in_matlab:
         data_warning(
             f"{column.name!r} of {file!r} names no unit and is taken for {taken}, not {other}: write the unit behind "
             "the name, as in 'phase [rad]', 'gain [dB]'"
@@ -403,17 +401,15 @@ def last_decimal(x: np.ndarray) -> float:
 
 def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
     """Return the standard deviation of G or of a part in SI units; None where its unit does not go with that of G."""
-    x, unit = np.abs(column.x), column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
+    unit = column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
     if unit is None or column.parsed.unknown:
         return None
-    if unit.decades:
-        return np.asarray(size * (10 ** (unit.decades * x) - 1))
-    is_share = not unit.powers and unit.factor < 1
-    if is_share and unit == own:
-        return None  # of a G in percent, too
-    if is_share or suits("phase", unit):
-        return np.asarray(size * unit.factor * x)
-    return x * unit.factor if unit.powers == (own or Unit(1.0)).powers else None
+    is_share = not unit.powers and unit.factor < 1 and unit != own  # not of a G in percent, too
+    is_relative = unit.decades > 0 or is_share or suits("phase", unit)
+    if not is_relative and (unit.powers != (own or Unit(1.0)).powers or unit.text == "%"):
+        return None
+    x = 10 ** (unit.decades * np.abs(column.x)) - 1 if unit.decades else unit.factor * np.abs(column.x)
+    return np.asarray(x * size if is_relative else x)
 
 
 def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
