@@ -406,7 +406,7 @@ def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarr
         return None
     is_share = not unit.powers and unit.factor < 1 and unit != own  # not of a G in percent, too
     is_relative = unit.decades > 0 or is_share or suits("phase", unit)
-    if not is_relative and (unit.powers != (own or Unit(1.0)).powers or unit.text == "%"):
+    if not is_relative and (unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)):
         return None
     x = 10 ** (unit.decades * np.abs(column.x)) - 1 if unit.decades else unit.factor * np.abs(column.x)
     return np.asarray(x * size if is_relative else x)
