@@ -324,9 +324,8 @@ def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None
     """Refuse words that are not known; those that all parts share are what was measured, which is said."""
     shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
     for one in (axis, *form):
-        if unknown := [
-            word for word in one.parsed.unknown if one is axis or word not in shared or word.lower() in NO_NAMES
-        ]:
+        named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
+        if unknown := [word for word in one.parsed.unknown if word not in named or word.lower() in NO_NAMES]:
             raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
     if shared and form[0].parsed.quantity != "complex":
         names = join_names([repr(one.name) for one in form])

@@ -325,7 +325,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
         elif role == "name" and not depth and is_scale(token):
             role = "unit"
         found[role].append(token)
-        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]\d*", token))
+        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]|[A-Z]\d+", token))
         if role == "no_name" or (role == "name" and not is_known):
             found["unknown"].append(token)
         last, is_first = token, is_first and (depth > 0 or role in ("filler", "unit"))
