@@ -113,6 +113,7 @@ def load_frf(
     """
     file = read_channels(path)
     tables, name = find_frfs(file, columns), Path(path).name
+    tables = {label: one for label, one in tables.items() if not one.refusal} or tables
     if not tables:
         raise ValueError(
             "path must hold an FRF, by name: frequencies that rise or fall throughout, with magnitude and phase or "

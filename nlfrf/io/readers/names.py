@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 TURN = 2 * pi
+MAX_LENGTH = 200  # characters of a name or a unit; what is longer is none
 PREFIXES = {
     "": 1.0,
     "p": 1e-12,
@@ -108,7 +109,9 @@ PHYSICAL = {
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
 RATIOS = ("1", *[*PHYSICAL][-1].split())  # units of a ratio
-FACTOR = r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?:\^(-?\d+))?|(°[CF]?|%|‰|[^\W\d_]+)"
+FACTOR = r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
+#: A symbol ends where its word does: else a long word could be cut in countless ways.
+FACTOR += r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
 FACTOR += r"(?:(?:\^|\*\*)?(-[1-4]|(?:[2-4]|(?<=[*^])1)(?!\d)))?)\s*"
 
 
@@ -156,6 +159,8 @@ def parse_unit(written: str) -> Unit | None:
     >>> parse_unit("dB").decades, parse_unit("dB re 1 mm/N").factor, [parse_unit(one) for one in ("grad", "mhz", "R1")]
     (0.05, 0.001, [None, None, None])
     """
+    if len(written) > MAX_LENGTH:
+        return None
     written = normalize(written).strip()
     if written in SCALES or (len(written) > 1 and written.lower() in map(str.lower, SCALES)):
         return Unit(
@@ -207,10 +212,12 @@ def normalize(written: str) -> str:
 QUANTITIES = {
     "std": "std stdev stddev sigma σ",
     "coherence": "coh coherence koharenz γ gamma msc",
-    "phase": "phase pha phas phz ph phasen winkel phi φ ϕ theta θ angle ang cang arg argument fase",
+    "phase": "phase pha phas phz ph phi φ ϕ theta θ angle ang cang arg argument fase winkel phasen phasenwinkel "
+    "phasengang",
     "imaginary": "im imag img imaginary imaginar imaginaire imaginarteil reactance",
     "real": "re real rea reel reelle realteil resistance",
-    "magnitude": "mag magnitude magn gain ampl amplitude amp abs mod modulus betrag verstarkung ratio impedance",
+    "magnitude": "mag magnitude magn gain ampl amplitude amp abs mod modulus ratio impedance betrag verstarkung "
+    "amplitudengang ganancia guadagno",
     "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
 }
 SIGNS = {
@@ -254,7 +261,7 @@ REWRITTEN = (
 )
 #: Functions of what a quantity is of: "Re(Z)", "dB(S(2,1))".
 FUNCTION = re.compile(
-    r"(?<![^\W_])(re|im|real|imag|imaginary|abs|arg|ang|angle|phase|mag|db|conj|(?:c?ang)_(?:deg|rad))"
+    r"(?<![^\W_])(re|im|real|imag|imaginary|abs|arg|ang|angle|phase|mag|magnitude|db|conj|(?:c?ang)_(?:deg|rad))"
     r"\(((?:[^()]|\([^()]*\))+)\)",
     re.I,
 )
@@ -303,6 +310,8 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     >>> [parse_name(name).quantity for name in ("CH2 Phase lag (deg)", "Temp (°C)", "Zmod", "S11(DB)", "Z/Ohm", "dB")]
     ['phase', '', 'magnitude', 'magnitude', 'magnitude', 'magnitude']
     """
+    if len(name) > MAX_LENGTH:
+        return ColumnName(unknown=(name,))
     written = normalize(re.sub(r"\.\d+$", "", name)).strip()
     unit_text, written = (written, "") if is_scale(written) else (stated, written)
     for pattern, other in REWRITTEN:
@@ -425,7 +434,9 @@ def rewrite_function(found: re.Match[str]) -> str:
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
     is_word = is_unit or (len(argument) > 1 and argument.lower() in ROLES)
-    is_word = is_word or (found[1].lower() in ("phase", "angle", "mag") and len(argument) > 1 and argument.islower())
+    is_word = is_word or (
+        found[1].lower() in ("phase", "angle", "mag", "magnitude") and len(argument) > 1 and argument.islower()
+    )
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 

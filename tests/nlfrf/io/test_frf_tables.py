@@ -7,6 +7,7 @@ import pytest
 
 import nlfrf
 from benchmarks import names
+from nlfrf.io.readers.names import parse_name, parse_unit
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 from tests.robust.test_cli import robust_command  # noqa: F401 (a fixture)
 from tests.support.measurement_files import write_uff
@@ -162,6 +163,9 @@ MEANT = {
     "two units": ("f,Re [mm/N],Im [m/N]", F, 1e3 * G.real, G.imag),
     "network analyser": ('"Freq [Hz]","dB(S(2,1)) []","ang_deg(S(2,1)) [deg]"', F, DB, WRAPPED),
     "quantity behind": ("Freq(Hz),S21(REAL),S21(IMAG)", F, G.real, G.imag),
+    "long words": ("Hz,Frequency Response Function Real,Frequency Response Function Imaginary", F, G.real, G.imag),
+    "a margin beside": ("f,Gain (dB),Phase (deg),CH2 Gain (dB)", F, DB, WRAPPED, 0 * F),
+    "German": ("Frequenz in Hz,Amplitudengang in dB,Phasengang in Grad", F, DB, WRAPPED),
     "glued": ("FreqHz,MagdB,PhaseDeg", F, DB, WRAPPED),
     "dB of a unit": ("f,Magnitude dB re 1 mm/N,Phase (deg)", F, DB + 60, WRAPPED),
     "viscoelastic": ("f,Storage modulus (Pa),Loss modulus (Pa)", F, G.real, G.imag),
@@ -207,6 +211,14 @@ def test_names_that_are_not_understood_are_refused_with_the_option(header, colum
     ):
         nlfrf.io.load_frf(path, relative_std=0.02)
     assert "--columns COLUMNS" in nlfrf.inspect_file(path).command
+
+
+@pytest.mark.parametrize(
+    "name", ["a b " * 9000, "m/" * 9000, "1/" * 9000, "((" * 9000, "Frequenz" * 9000, "re(" * 9000]
+)
+def test_names_that_do_not_end_take_no_time(name):
+    assert parse_unit(name) is None
+    assert parse_name(name).quantity == ""
 
 
 def test_columns_are_said(tmp_path):
