@@ -279,9 +279,8 @@ def assemble(
     for form in clear:
         require_same(G, first, form)
     for form in others:
-        if any(map(is_unclear, form)) and [one.parsed.quantity for one in form] == [
-            one.parsed.quantity for one in first
-        ]:
+        is_open = any(map(is_unclear, form)) and not any(one.parsed.unknown for one in form)
+        if is_open and [one.parsed.quantity for one in form] == [one.parsed.quantity for one in first]:
             a, b = next(pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name)
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
