@@ -60,6 +60,7 @@ COMMANDS = (
     "fuzz_readers --files 200",
     "fuzz_commands",
     "doors --files 2000 --seed 0",
+    "names --files 1000 --seed 0",
     "validation --records 100",
     "joint --records 4",
     "coverage_matrix 8",

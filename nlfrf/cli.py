@@ -58,6 +58,7 @@ OPTIONS = LOAD_OPTIONS | {
     "level_from": "level-from",
     "f_min": "f-min",
     "f_max": "f-max",
+    "columns": "columns",
 }
 UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until they are written
 MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
@@ -345,13 +346,18 @@ def frf(
         float | None, typer.Option(help="Independent averages behind its coherence, or sweeps.")
     ] = None,
     channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
+    columns: Annotated[
+        str, typer.Option(help="What its columns are: 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=.")
+    ] = "",
     hold: Annotated[
         str, typer.Option(help="How its input ran between samples: zoh, band-limited, unknown.")
     ] = "unknown",
     json: Json = False,
 ) -> None:
     """Read an FRF of another program as a BLA (.npz), for every command that takes one."""
-    bla = nlfrf.io.load_frf(file, relative_std=relative_std, n_averages=averages, channel=channel, hold=hold)
+    bla = nlfrf.io.load_frf(
+        file, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns, hold=hold
+    )
     nlfrf.save(bla, out)
     printer(json)(bla)
     finish_command(bla, True, json)

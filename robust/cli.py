@@ -77,6 +77,7 @@ OPTIONS = LOAD_OPTIONS | {
     "relative_std": "relative-std",
     "n_averages": "averages",
     "channel": "channel",
+    "columns": "columns",
     "Fs": "force",
 }
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
@@ -166,11 +167,14 @@ def model(
         float | None, typer.Option(help="Of an FRF: independent averages behind its coherence, or sweeps.")
     ] = None,
     channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
+    columns: Annotated[
+        str, typer.Option(help="Of an FRF: its columns, 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=.")
+    ] = "",
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA or FRF and put a weight over what it leaves open."""
     json_path(out)
-    blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel)
+    blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns)
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
         nominal, words = from_options.fit_nominal_model(

@@ -34,6 +34,7 @@ from nlfrf.io.readers.clock import (
     unit_in_name,
 )
 from nlfrf.io.readers.layout import make_unique
+from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
@@ -139,7 +140,25 @@ class Channels:
 
     def unit(self, full: str) -> str:
         """Return the unit of a channel that the file states, else that in its full name, empty where there is none."""
-        return self.units.get(full) or unit_in_name(full) or ""
+        return self.units.get(full) or unit_in_name(full) or self.stated_unit(full)
+
+    def stated_unit(self, full: str) -> str:
+        """Return the unit that the file states apart from a name: of the channel, or in a variable beside it.
+
+        Such variables are `fs_unit` of `fs`, and `TimeUnit` or `FrequencyUnit` in the same struct.
+        """
+        if full in self.units:
+            return self.units[full]
+        home, dot, key = full.rpartition(".")
+        kind = (
+            "time" if is_time_name(key) or STEP_NAME.fullmatch(split_clock_name(key)[0]) else parse_name(key).quantity
+        )
+        for word in (key, *{"time": ("time", "Time"), "frequency": ("frequency", "Frequency", "")}.get(kind, ())):
+            for joint in ("_unit", "_units", "Unit", "Units", "unit", "units", " unit"):
+                unit = self.text(f"{home}{dot}{word}{joint}")
+                if unit and (word or suits("frequency", parse_unit(unit))):
+                    return unit.replace("TimeUnit", self.text(f"{home}{dot}TimeUnit") or "s")
+        return ""
 
     def bare_name(self, full: str) -> str:
         """Return the full name of a channel without its unit; brackets around anything else belong to the name."""
@@ -392,7 +411,7 @@ TWINCAT = Reader(twincat, extra="twincat")
 READERS = {
     ".mat": Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": Reader(npz.contents),
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), TEXT_READER),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".mpt", ".dta", ".z", ".frd"), TEXT_READER),
     ".npy": Reader(npy.contents),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
@@ -462,6 +481,7 @@ def reader_of_suffix(path: Path, suffix: str) -> Reader:
         raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
     if suffix not in READERS:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
+        cure = "; export the SDF of the analyser as a table, .mat or .uff" if suffix == ".sdf" else cure
         raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
     return READERS[suffix]
 
@@ -556,7 +576,8 @@ def abscissas_in_seconds(
     scaled, rates = dict(arrays), dict(clocks)
     for name, clock in clocks.items():
         if not isinstance(clock, str):
-            second = seconds_per_unit(units.get(f"{name}.start", "")) or 0.0
+            unit = units.get(f"{name}.start", "")
+            second = seconds_per_unit(unit) or 1 / (hertz_per_unit(unit) or np.inf)
             rates[name] = clock / second if second else 0.0
             if f"{name}.start" in arrays:
                 scaled[f"{name}.start"] = second * arrays[f"{name}.start"] + arrays.get(f"{name}.moment", 0.0)

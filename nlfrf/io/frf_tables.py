@@ -2,59 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import MissingArgumentError, data_warning, require_positive
+from nlfrf._base.arguments import MissingArgumentError, data_warning, join_names, require_positive
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.readers.clock import UNIT_SUFFIX
+from nlfrf.io.readers.names import FILLERS, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
 
-#: Words in the name of a column that say its quantity; the first quantity counts, as in "Trace 1: Gain: Real".
-QUANTITIES = {
-    "std": r"std\w*|sigma|σ",
-    "coherence": r"coh\w*|kohärenz|γ²",
-    "phase": r"pha\w*|winkel|phi|φ|ϕ|theta|θ|angle|arg(?:ument)?|deg\w*|grad|°|º",
-    "real": r"re|real(?:teil|part)?|r[eé]el(?:le)?",
-    "imaginary": r"im|imag\w*",
-    "magnitude": r"mag\w*|gain|ampl\w*|amp|abs\w*|mod(?:ulus)?|betrag|verstärkung|ratio|db|\|",
-    "frequency": r"f|freq\w*|fréq\w*|omega|ω|w|[kmg]?hz",
-    "": r"m?rad(?:ians?)?|log|in|of",  # no quantity, and no part of the name of a channel either
-}
-PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))  # of G, the first that is there counts
-PHASES = ("imaginary", "phase")  # parts that go with the other part of their own channel only
-WORDS = re.compile(r"[^\W\d_]+|\d+|[°º*%|]")
-TURN = 2 * np.pi
-#: Hz, radians and shares in units, which are words of a name or stand beside it; * is what some files make of °.
-SCALES = {
-    "frequency": {
-        "Hz": 1.0,
-        "hz": 1.0,
-        "HZ": 1.0,
-        "kHz": 1e3,
-        "khz": 1e3,
-        "KHz": 1e3,
-        "MHz": 1e6,
-        "GHz": 1e9,
-        "mHz": 1e-3,
-    }
-    | dict.fromkeys(("rad", "omega", "Omega", "ω", "w"), 1 / TURN),
-    "phase": {"rad": 1.0, "Rad": 1.0, "radian": 1.0, "radians": 1.0, "Radians": 1.0, "mrad": 1e-3}
-    | dict.fromkeys(("deg", "Deg", "degree", "degrees", "Degrees", "grad", "Grad", "°", "º", "*"), TURN / 360),
-    "coherence": {"%": 0.01},
-    "magnitude": {"%": 0.01},
-}
-#: Units of a signal and not of a ratio: several Bode plotters write the amplitude of the excitation, too.
-LEVEL_UNIT = re.compile(r"[munµμ]?[VAW](?:pp|pk|p|rms)?|dB(?:[mVu]|mV|µV|FS|SPL)\w*", re.I)
-NO_UNIT = re.compile(r"dB.*|%|1|abs|lin(ear)?|ratio", re.I)  # of a ratio of like quantities
-#: No FRF in dB lies between 0 and 1 throughout, none reaches 200; a phase of more turns without a unit is no radians.
-MIN_DB, MAX_DB, MAX_TURNS = 1.0, 200.0, 20
+#: The parts of G in the order in which they count, and keys of `columns`, which are short for quantities.
+WHOLE = ("complex", "real", "magnitude")
+PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
+KEYS = {"f": "frequency", "G": "complex", "re": "real", "im": "imaginary", "mag": "magnitude", "phase": "phase"}
+KEYS |= {"std": "std", "coherence": "coherence"}
+MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
+NO_NAMES = FILLERS["no_name"].split()
 SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
+MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
 #: What a variance needs, and why.
 NEEDS = {
     "n_averages": "a coherence gives a variance only with the number of independent averages, which the file lacks",
@@ -65,14 +36,19 @@ NEEDS = {
 
 
 class FrfTable(NamedTuple):
-    """An FRF in a file: increasing frequencies [Hz], the names of the columns behind G, and the unit of G."""
+    """An FRF in a file: increasing frequencies [Hz], the names of the columns behind G, the unit of G.
 
-    f: np.ndarray
-    G: np.ndarray
-    std: np.ndarray | None
-    coherence: np.ndarray | None
+    `left_out` are columns of the same length that it does not use; `refusal` says why its columns are not understood.
+    """
+
     columns: tuple[str, ...]
-    unit: str
+    f: np.ndarray = np.zeros(0)
+    G: np.ndarray = np.zeros(0)
+    std: np.ndarray | None = None
+    coherence: np.ndarray | None = None
+    unit: str = ""
+    left_out: tuple[str, ...] = ()
+    refusal: str = ""
 
 
 def load_frf(
@@ -81,6 +57,7 @@ def load_frf(
     relative_std: float | None = None,
     n_averages: float | None = None,
     channel: str = "",
+    columns: str = "",
     hold: str = "unknown",
     fs: float | None = None,
 ) -> Bla:
@@ -97,6 +74,9 @@ def load_frf(
         Independent averages behind the coherence, or sweeps behind the standard deviation.
     channel : str
         Which FRF, where the file has several: what the names of its columns share, as in "CH2".
+    columns : str
+        What the columns are, where their names do not say it: "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]". The keys
+        are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in front, a unit in brackets behind.
     hold, fs
         As in `bla_from_frf`.
 
@@ -108,12 +88,13 @@ def load_frf(
     Raises
     ------
     ValueError
-        A file without an FRF, several without `channel`, a unit that is not known, no variance.
+        A file without an FRF, several without `channel`, no variance; columns whose names or units are not known,
+        that may be the same part twice, or that contradict each other.
 
     Warns
     -----
     DataWarning
-        A column whose unit is not stated, with the unit that was taken.
+        A column whose unit is not stated, with the unit that was taken; columns that are left out.
 
     References
     ----------
@@ -131,23 +112,29 @@ def load_frf(
     >>> folder.cleanup()
     """
     file = read_channels(path)
-    tables, name = find_frfs(file), Path(path).name
+    tables, name = find_frfs(file, columns), Path(path).name
+    tables = {label: one for label, one in tables.items() if not one.refusal} or tables
     if not tables:
         raise ValueError(
             "path must hold an FRF, by name: frequencies that rise or fall throughout, with magnitude and phase or "
             f"real and imaginary part, got {name!r} with {', '.join(file.arrays)}; call the columns as in "
-            "'f [Hz],gain [dB],phase [deg]'; nlfrf inspect shows what a file holds"
+            "'f [Hz],gain [dB],phase [deg]', or give columns, as in 'f=col1 [Hz], mag=col2 [dB], "
+            "phase=col3 [deg]'; nlfrf inspect shows what a file holds"
         )
-    wanted = "".join(WORDS.findall(channel)).lower()
-    chosen = [one for one in tables if "".join(one.split()).lower() == wanted or not channel]
+    wanted = re.sub(r"\W", "", channel).lower()
+    chosen = [one for one in tables if re.sub(r"\W", "", one).lower() == wanted or not channel]
     if len(chosen) != 1:
         listed = ", ".join(map(repr, tables))
         raise ValueError(f"channel must name one of the FRFs of {name!r}, {listed}; got {channel or 'none'!r}")
     table = tables[chosen[0]]
+    if table.refusal:
+        raise ValueError(table.refusal)
     std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
         raise MissingArgumentError(missing, NEEDS[missing])
+    if table.left_out and len(tables) == 1:
+        data_warning(f"left out as no part of the FRF in {name!r}: {', '.join(map(repr, table.left_out))}")
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,
@@ -162,105 +149,266 @@ def load_frf(
     )
 
 
-def group_columns(file: Channels) -> dict[str, dict[str, str]]:
-    """Return the columns of numbers by the label that their names share, then by quantity."""
-    groups: dict[str, dict[str, str]] = {}
-    for name, array in file.arrays.items():
-        quantity, label = classify_column(name, file.unit(name))
-        if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any():
-            groups.setdefault(label, {}).setdefault("complex" if array.dtype.kind == "c" else quantity, name)
-    return groups
+class Column(NamedTuple):
+    """A column of a file: its name, its numbers, and what the name says of them."""
+
+    name: str
+    x: np.ndarray
+    parsed: ColumnName
 
 
-def find_frfs(file: Channels) -> dict[str, FrfTable]:
+def parse_columns(text: str, file: Channels) -> list[Column]:
+    """Parse the option that says what the columns of a file are, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]"."""
+    columns = []
+    for item in re.split(rf",\s*(?=(?:{'|'.join(KEYS)})\s*=)", text.strip()):
+        key, _, rest = (one.strip() for one in item.partition("="))
+        name, signs, unit = file.full_name(rest), "", ""
+        if name not in file.arrays and (found := re.fullmatch(r"([-−]?(?:\s*1\s*/)?)\s*(.+?)", rest)):
+            signs, name = found[1], file.full_name(found[2])
+        if name not in file.arrays and (found := re.fullmatch(r"(.+?)\s*\[([^\[\]]*)\]", name)):
+            name, unit = file.full_name(found[1]), found[2]
+        parsed = parse_name(name, unit or file.stated_unit(name))
+        if key not in KEYS or name not in file.arrays or (unit and not suits(KEYS[key], parse_unit(unit))):
+            raise ValueError(
+                f"columns must be {', '.join(KEYS)}, each with a column and a unit of it, as in 'f=col1 [Hz], "
+                f"re=col2 [Ohm], im=-col3 [Ohm]', got {item!r}; the columns of {Path(file.path).name!r} are "
+                + ", ".join(file.arrays)
+            )
+        named = parsed._replace(
+            quantity=KEYS[key],
+            sign=parsed.sign * (-1 if signs[:1] in ("-", "−") else 1),
+            inverse=parsed.inverse != ("/" in signs),
+            unit=parse_unit(unit) if unit else parsed.unit,
+            of_what="",
+            label="",
+            unknown=(),
+        )
+        columns.append(Column(name, np.ravel(file.arrays[name]), named))
+    return columns
+
+
+def find_frfs(file: Channels, columns: str = "") -> dict[str, FrfTable]:
     """Find the FRFs in the channels of a file, each once, by what the names of their columns share."""
-    groups = group_columns(file)
-    whole = [label for label, group in groups.items() if not group.keys().isdisjoint(("complex", "real", "magnitude"))]
-    shared = {  # what goes with any FRF of a file: frequencies and unlabelled columns; of one FRF all
-        quantity: name
-        for label, group in reversed(groups.items())
-        for quantity, name in group.items()
-        if quantity == "frequency" or (len(whole) == 1 and quantity != "std") or (not label and quantity not in PHASES)
+    numeric = {
+        name: np.ravel(array)
+        for name, array in file.arrays.items()
+        if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any()
     }
+    if not columns and file.path.lower().endswith(".frd") and [*numeric] == ["col1", "col2", "col3"]:
+        columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as files of loudspeakers have them
+        data_warning(f"{Path(file.path).name!r} names no columns: they are taken for {columns!r}")
+    found = (
+        parse_columns(columns, file)
+        if columns
+        else [
+            Column(name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c"))
+            for name, x in numeric.items()
+        ]
+    )
     tables: dict[str, FrfTable] = {}
-    for label in whole:
-        table = read_frf(file, shared | groups[label])
-        same = [one.G for one in tables.values() if table and one.G.shape == table.G.shape]
-        if table and not any(np.all(np.abs(G - table.G) <= SAME_FRF * np.abs(G)) for G in same):
+    for label in dict.fromkeys(one.parsed.label for one in found if one.parsed.quantity in WHOLE):
+        if (table := read_frf(found, label, Path(file.path).name)) is None:
+            continue
+        others = [one.G for one in tables.values() if one.G.shape == table.G.shape]
+        # an admittance is no other FRF than its impedance
+        same = (np.all(np.abs(G - table.G) <= SAME_FRF * np.abs(G)) for one in others for G in (one, 1 / one))
+        if table.refusal or not any(same):
             tables[label] = table
     return tables
 
 
-def classify_column(name: str, unit: str) -> tuple[str, str]:
-    """Return the quantity of a column, empty where it is none of an FRF, and the rest of its name.
-
-    >>> classify_column("CH2 Amplitude (dB)", "dB"), classify_column("Amplitude (Vpp)", "Vpp")
-    (('magnitude', 'CH 2'), ('', ''))
-    """
-    words = WORDS.findall(UNIT_SUFFIX.sub("", name))
-    known = [
-        quantity
-        for some in (words, WORDS.findall(unit))
-        for quantity, pattern in QUANTITIES.items()
-        if any(re.fullmatch(pattern, word, re.I) for word in some) and not LEVEL_UNIT.fullmatch(unit)
-    ]
-    rest = [word for word in words if not any(re.fullmatch(one, word, re.I) for one in QUANTITIES.values())]
-    return next(iter(known), ""), " ".join(rest)
-
-
-def read_frf(file: Channels, names: dict[str, str]) -> FrfTable | None:
+def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
     """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
-    parts = next((some for some in PARTS if {*some, "frequency"} <= names.keys()), ("frequency",))
-    x = {one: read_column(file, names[one], one) for one in (*parts, "frequency", "coherence", "std") if one in names}
-    f, first, other = (x.get(one, np.zeros(0)) for one in ("frequency", parts[0], parts[-1]))
-    steps = np.diff(f[np.isfinite(f)])
-    if f is first or len({one.size for one in x.values()}) > 1 or abs(np.sign(steps).sum()) < max(steps.size, 1):
+    whole = [one for one in found if one.parsed.quantity in WHOLE]
+    of, size = next((one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label)
+    is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
+
+    def related(quantity: str) -> list[Column]:
+        some = [one for one in found if one.parsed.quantity == quantity and one.x.size == size]
+        own = [one for one in some if one.parsed.label == label]
+        bare = [one for one in some if not one.parsed.label]
+        fitting = [
+            one
+            for one in some
+            if is_alone and {*of, *one.parsed.of_what.split()} in ({*of}, {*one.parsed.of_what.split()})
+        ]
+        other = {
+            "frequency": bare or some,
+            "std": bare,
+            "coherence": fitting or bare,
+            "phase": fitting,
+            "imaginary": fitting,
+        }
+        return own or other.get(quantity, [])
+
+    axes = sorted((one for one in related("frequency") if is_monotone(one.x)), key=is_unclear)
+    forms = [form for parts in PARTS for form in itertools.product(*map(related, parts))]
+    forms.sort(key=lambda form: any(map(is_unclear, form)))
+    if not axes or not forms:
         return None
-    G = first if len(parts) == 1 else first + 1j * other if "real" in parts else first * np.exp(1j * other)
+    lone = [(one,) for part in PARTS[2] for one in related(part)]
+    try:
+        table, used = assemble(axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file)
+    except ValueError as error:
+        example = ", ".join(map(example_of, (axes[0], *forms[0])))
+        why = f"columns must say what those of {file!r} are: {error}; as in {example!r}"
+        return FrfTable(tuple(one.name for one in forms[0]), refusal=why)
+    others = [one for one in found if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)]
+    left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
+    return table._replace(left_out=left_out) if table.f.size else None
+
+
+def assemble(
+    axes: list[Column],
+    forms: list[tuple[Column, ...]],
+    others: list[tuple[Column, ...]],
+    deviations: list[Column],
+    coherences: list[Column],
+    file: str,
+) -> tuple[FrfTable, set[str]]:
+    """Return an FRF, and the names behind it or held against it; refuse what is not known, or contradicts it."""
+    require_known_words(axes[0], forms[0], file)
+    in_matlab = axes[0].name.rpartition(".")[2] == "wout"
+    axis, *first = [with_unit(one, file, in_matlab=in_matlab) for one in (axes[0], *forms[0])]
+    f, G, (divisor, unit) = convert(axis.parsed, axis.x), complex_numbers(first), unit_of_parts(first)
+    same_axes = [one for one in axes[1:] if not is_unclear(one)]
+    if differing := [one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=SAME_FRF)]:
+        raise ValueError(f"the frequencies {axis.name!r} and {differing[0].name!r} contradict each other")
+    names = {one.name for one in first}
+    clear = [form for form in others if not any(map(is_unclear, form)) and not names >= {one.name for one in form}]
+    for form in clear:
+        require_same(G, first, form)
+    for form in others:
+        is_open = any(map(is_unclear, form)) and not any(one.parsed.unknown for one in form)
+        if is_open and [one.parsed.quantity for one in form] == [one.parsed.quantity for one in first]:
+            a, b = next(pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name)
+            raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
+    own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
+    known = [(one, x) for one in deviations if (x := deviation_of(one, np.abs(G), own)) is not None]
+    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G deviates as much
+    coherences = [one for one in coherences[:1] if not one.parsed.unknown]
     used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[:: 1 if np.nanargmax(f) > np.nanargmin(f) else -1]
-    std, coherence = (x[one][used] if one in x else None for one in ("std", "coherence"))
-    unit = NO_UNIT.sub("", file.unit(names[parts[0]]))
-    return FrfTable(f[used], G[used], std, coherence, tuple(names[one] for one in parts), unit) if used.size else None
+    table = FrfTable(
+        columns=tuple(one.name for one in first),
+        f=f[used],
+        G=G[used] / divisor,
+        std=np.sqrt(n_parts * sum(x**2 for _, x in known))[used] / divisor if known else None,
+        coherence=convert(coherences[0].parsed, coherences[0].x)[used] if coherences else None,
+        unit=unit,
+    )
+    return table, {
+        one.name for some in (first, *clear, [axis, *same_axes], [one for one, _ in known], coherences) for one in some
+    }
 
 
-def read_column(file: Channels, name: str, quantity: str) -> np.ndarray:
-    """Read a column in Hz, radians or as a ratio, by the unit that its name or the file states, else by its range."""
-    x, unit = np.ravel(file.arrays[name]), file.unit(name)
-    words = WORDS.findall(f"{name} {unit}")
-    if quantity == "magnitude" and ("db" in map(str.lower, words) or np.nanmin(x) <= 0):
-        return np.asarray(10 ** (x / 20))
-    scales = SCALES.get(quantity, {})
-    scale = next((scales[word] for word in reversed(words) if word in scales), None)
-    if scale is None and quantity in ("frequency", "phase") and unit:
-        data_warning(
-            f"{name!r} of {Path(file.path).name!r} is in {unit}, where {', '.join(scales)} are known: left out"
-        )
-        return np.full(x.size, np.nan)
-    if scale is None:
-        taken, other, scale = unit_by_range(x, quantity)
-        if taken and not unit:
-            data_warning(
-                f"{name!r} of {Path(file.path).name!r} names no unit and is taken for {taken}, not {other}: write the "
-                "unit behind the name, as in 'phase [rad]', 'gain [dB]'"
-            )
-    return np.asarray((10**x if quantity == "frequency" and "log" in map(str.lower, words) else x) * scale)
+def is_monotone(x: np.ndarray) -> bool:
+    """Return whether numbers rise or fall throughout."""
+    steps = np.diff(x[np.isfinite(x)])
+    return bool(abs(np.sign(steps).sum()) == max(steps.size, 1))
 
 
-def unit_by_range(x: np.ndarray, quantity: str) -> tuple[str, str, float]:
-    """Return what a column without a unit is taken for, what it may be as well, both empty where it is sure; its scale.
+def is_unclear(column: Column) -> bool:
+    """Return whether words of a column are not known, or its unit where it decides what the numbers are."""
+    one = column.parsed
+    return bool(one.unknown) or (one.unit is None and one.quantity in ("frequency", "magnitude", "phase"))
 
-    >>> unit_by_range(np.array([-0.1, 3.0]), "phase"), unit_by_range(np.array([0.0, 170.0, -170.0]), "phase")[0]
-    (('radians', 'degrees', 1.0), '')
+
+def example_of(column: Column) -> str:
+    """Return how the option says what a column is."""
+    key = next(key for key, quantity in KEYS.items() if quantity == column.parsed.quantity)
+    unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]") if is_unclear(column) else ""
+    return f"{key}={column.name}{unit}"
+
+
+def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None:
+    """Refuse words that are not known; those that all parts share are what was measured, which is said."""
+    shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
+    for one in (axis, *form):
+        named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
+        if unknown := [word for word in one.parsed.unknown if word not in named or word.lower() in NO_NAMES]:
+            raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
+    if shared and form[0].parsed.quantity != "complex":
+        names = join_names([repr(one.name) for one in form])
+        data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken for what was measured")
+
+
+def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
+    """Return a column with its unit; where none is stated, that which is likely, with a warning, or a refusal.
+
+    In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
     """
-    high, step = np.nanmax(np.abs(x)), np.nanmax(np.abs(np.diff(x)), initial=0.0)
-    if quantity == "magnitude":
-        return ("a ratio", "decibels", 1.0) if MIN_DB <= high <= MAX_DB else ("", "", 1.0)
-    if quantity != "phase":
-        return "", "", 1.0
-    units = [("radians", 1.0), ("degrees", TURN / 360)]
-    (other, _), (taken, scale) = units if high > TURN else units[::-1]
-    wraps = step > (TURN if high > TURN else TURN / 2) or high > MAX_TURNS * TURN
-    return ("", "", scale) if wraps else (taken, other, scale)
+    x, quantity = column.x, column.parsed.quantity
+    degrees = ("degrees", "radians") if in_matlab or np.nanmax(np.abs(x)) > TURN else ("radians", "degrees")
+    likely = {"frequency": ("Hz", "rad/s"), "magnitude": ("ratio" if in_matlab else "dB", "a ratio"), "phase": degrees}
+    if column.parsed.unit or quantity not in likely:
+        return column
+    taken, other = likely[quantity]
+    if taken == "dB" and not np.mean(x[np.isfinite(x)] < 0) > MIN_NEGATIVE:
+        raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
+    if not in_matlab:
+        data_warning(
+            f"{column.name!r} of {file!r} names no unit and is taken for {taken}, not {other}: write the unit behind "
+            "the name, as in 'phase [rad]', 'gain [dB]'"
+        )
+    return column._replace(parsed=column.parsed._replace(unit=parse_unit(taken)))
+
+
+def complex_numbers(form: Sequence[Column], G: np.ndarray | None = None) -> np.ndarray:
+    """Return G in SI units by its parts; of a magnitude or a phase alone with the other part of `G`."""
+    x = {one.parsed.quantity: convert(one.parsed, one.x) for one in form}
+    if "real" in x:
+        if form[0].parsed.inverse != form[1].parsed.inverse:
+            raise ValueError(f"only one of {form[0].name!r} and {form[1].name!r} is of an inverse")
+        z = x["real"] + 1j * x["imaginary"]
+        return 1 / z if form[0].parsed.inverse else z
+    size, angle = (np.ones(1), np.zeros(1)) if G is None else (np.abs(G), np.angle(G))
+    return x["complex"] if "complex" in x else x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
+
+
+def unit_of_parts(form: Sequence[Column]) -> tuple[float, str]:
+    """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its name."""
+    parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
+    units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
+    if len({unit.powers for unit in units}) > 1:
+        raise ValueError(f"{form[0].name!r} and {form[1].name!r} must be in one unit, or units of one kind")
+    unit, name = units[0], re.sub("^(?:dB.*|%|1)$", "", units[0].text if parts[0].scale == 1 else "")
+    divisor = unit.factor if unit.powers and not unit.decades else 1.0
+    if len({one.factor for one in units}) > 1:
+        divisor, name = 1.0, re.sub(r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], name)
+    top, slash, bottom = name.rpartition("/")
+    inverted = f"{bottom}/{top}" if slash else name and f"1/{name}"
+    return (1 / divisor, inverted) if parts[0].inverse else (divisor, name)
+
+
+def require_same(G: np.ndarray, first: Sequence[Column], form: Sequence[Column]) -> None:
+    """Refuse two forms of G that contradict each other by more than the digits of their columns."""
+    other, tolerance = complex_numbers(form, G), SAME_FRF * np.abs(G)
+    for columns, value in ((first, G), (form, other)):
+        moved = [one._replace(x=one.x + last_decimal(one.x)) for one in columns]
+        tolerance = tolerance + np.abs(complex_numbers(moved, G) - value)
+    n_off = np.count_nonzero(np.abs(other - G) > tolerance)  # numbers that are missing in one do not count
+    if n_off > max(1.0, MAX_OUTLIERS * G.size):
+        names = (join_names([repr(one.name) for one in columns]) for columns in (first, form))
+        raise ValueError(f"{' contradict '.join(names)} in {n_off} of {G.size} lines")
+
+
+def last_decimal(x: np.ndarray) -> float:
+    """Return the last decimal that numbers are written with; 0 of those with many digits."""
+    kept = x[np.isfinite(x)]
+    return next((10.0**-k for k in range(12) if np.allclose(np.round(kept, k), kept, rtol=1e-12, atol=0)), 0.0)
+
+
+def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
+    """Return the standard deviation of G or of a part in SI units; None where its unit does not go with that of G."""
+    unit = column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
+    if unit is None or column.parsed.unknown:
+        return None
+    is_share = not unit.powers and unit.factor < 1 and unit != own  # not of a G in percent, too
+    is_relative = unit.decades > 0 or is_share or suits("phase", unit)
+    if not is_relative and (unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)):
+        return None
+    x = 10 ** (unit.decades * np.abs(column.x)) - 1 if unit.decades else unit.factor * np.abs(column.x)
+    return np.asarray(x * size if is_relative else x)
 
 
 def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
@@ -268,8 +416,11 @@ def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
     if not tables:
         return "", ()
     (label, frf), *others = tables.items()
+    if frf.refusal:
+        return f"FRF:   in {' and '.join(map(repr, frf.columns))}\nneeds: {frf.refusal}", ("--columns", "COLUMNS")
     about = f"FRF:   {frf.f.size} lines from {frf.f[0]:g} to {frf.f[-1]:g} Hz in {' and '.join(map(repr, frf.columns))}"
     about += "".join(f", and of {other!r}" for other, _ in others)
+    about += f"; not of it: {', '.join(map(repr, frf.left_out))}" if frf.left_out and not others else ""
     channel = ("--channel", label) if others else ()
     if frf.std is not None:
         return about, channel

@@ -38,20 +38,27 @@ Pictures = list[tuple[Callable[..., object], object]]
 
 
 def load_blas(
-    paths: Sequence[Path], *, relative_std: float | None = None, n_averages: float | None = None, channel: str = ""
+    paths: Sequence[Path],
+    *,
+    relative_std: float | None = None,
+    n_averages: float | None = None,
+    channel: str = "",
+    columns: str = "",
 ) -> nlfrf.Bla | list[nlfrf.Bla]:
     """Return what was identified, its warnings repeated, or was measured as an FRF: of one kind, or a list of it."""
     found: list[nlfrf.Bla] = []
     for path in paths:
         own = path.suffix.lower() in BLA_SUFFIXES
-        if own and (relative_std is not None or n_averages is not None or channel):
-            raise ValueError(f"relative_std, n_averages and channel must be left out for a BLA, got them with {path}")
+        if own and (relative_std is not None or n_averages is not None or channel or columns):
+            raise ValueError(
+                f"relative_std, n_averages, channel and columns must be left out for a BLA, got them with {path}"
+            )
         if not own:
             require_file_of(path, "nlfrf-bla")
         one = (
             repeat_warnings(load_bla(path))
             if own
-            else read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+            else read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns)
         )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
@@ -59,10 +66,14 @@ def load_blas(
     return found[0] if len(found) == 1 else found
 
 
-def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None, channel: str) -> nlfrf.Bla:
+def read_frf(
+    path: Path, *, relative_std: float | None, n_averages: float | None, channel: str, columns: str
+) -> nlfrf.Bla:
     """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
     try:
-        return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+        return nlfrf.io.load_frf(
+            path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns
+        )
     except MissingArgumentError as error:
         option = {"relative_std": "--relative-std STD", "n_averages": "--averages N"}[error.parameter]
         way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"

@@ -8,6 +8,7 @@ layout          where the numbers stand in a text table, and what separates them
 matlab          MATLAB: which version it is
 matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
 mdf             MDF of cars and test benches
+names           the grammar of names and units, with its tables of words
 npy             arrays of NumPy, with or without named columns
 tables          text tables: CSV as the world writes it, LabVIEW measurements
 tdms            TDMS of LabVIEW

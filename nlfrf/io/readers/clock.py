@@ -8,20 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
+from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
 #: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which channels of one name differ
-SECONDS_PER_UNIT = {
-    **dict.fromkeys(("", "s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("min", "minutes"), 60.0),
-    **dict.fromkeys(("h", "hours"), 3600.0),
-}
-RATE_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}  # of rates, where nobody means a thousandth
-RATE_UNIT = re.compile(r"([kmg]?)(?:hz|sps|sa?(?:mples?)?/s(?:ec|econd)?|samples? per sec(?:ond)?)|1/s|s\^-1|", re.I)
+#: A rate in samples a second, as "kS/s", "Sa/s", "MSPS", "samples per second".
+RATE_UNIT = re.compile(r"([kMGm]?)\s*(?:s(?:a|amples?)?(?:/| per )s(?:ec|econd)?|sps)", re.I)
 TIME_WORDS = (
     r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date[ _]?time|date|datum|"
     r"x[._ ]data|x[._ -]?axis|x_value"
@@ -54,16 +47,21 @@ def is_time_name(name: str) -> bool:
     """
     for short in (UNIT_SUFFIX.sub("", name), UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1]):
         found = TIME_NAME.fullmatch(short.strip(" _"))
-        if found and (found[1] is None or found[1].lower() in SECONDS_PER_UNIT):
+        if found and (found[1] is None or seconds_per_unit(found[1])):
             return True
     return False
 
 
 def unit_in_name(name: str) -> str | None:
-    """Return the unit in a name, in brackets or, of a time, after an underscore; None where there is none."""
+    """Return the unit in a name, in brackets or, of a time, after an underscore; None where there is none.
+
+    >>> [unit_in_name(name) for name in ("force [N]", "U(mV)", "V(in)", "speed (ref)", "I(R1)", "time (ticks)", "t_ms")]
+    ['N', 'mV', None, None, None, 'ticks', 'ms']
+    """
     name = NUMBER_SUFFIX.sub("", name)
     if bracket := UNIT_SUFFIX.search(name):
-        return bracket[1].strip()
+        is_unit = parse_bracket(name[: bracket.start(1) - 1], bracket[1]) is not None
+        return bracket[1].strip() if is_unit or is_time_name(name) else None
     found = TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
     return found[1] if found and found[1] and is_time_name(name) else None
 
@@ -81,18 +79,23 @@ def split_clock_name(name: str) -> tuple[str, str]:
 
 
 def seconds_per_unit(unit: str) -> float | None:
-    """Return the seconds in a unit of time, None where it is not known."""
-    return SECONDS_PER_UNIT.get(unit.strip().lower())
+    """Return the seconds in a unit of time, in one second without a unit; None where it is not known."""
+    found = parse_unit(unit) if suits("time", parse_unit(unit)) else parse_unit(unit.lower())
+    return found.factor if found and suits("time", found) else None if unit.strip() else 1.0
 
 
 def hertz_per_unit(unit: str) -> float | None:
-    """Return the hertz in a unit of a sampling frequency, None where it is not known.
+    """Return the hertz in a unit of a sampling frequency, None where it is not known, or mHz: that may be either.
 
-    >>> [hertz_per_unit(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N")]
-    [1000.0, 1000000.0, 1.0, 1.0, None]
+    >>> [hertz_per_unit(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N", "mHz")]
+    [1000.0, 1000000.0, 1.0, 1.0, None, None]
     """
-    found = RATE_UNIT.fullmatch(unit.strip())
-    return None if found is None else RATE_PREFIXES[(found[1] or "").lower()]
+    found = parse_unit(RATE_UNIT.sub(r"\1Hz", unit.strip()))
+    if found is None or unit.strip().startswith("m"):
+        return None if unit.strip() else 1.0
+    if not suits("frequency", found) and found.powers != (("s", -1),):
+        return None
+    return float(f"{found.factor / (TURN if found.powers[0][0] == 'rad' else 1.0):.12g}")
 
 
 def sampling_frequency(t: np.ndarray) -> float:

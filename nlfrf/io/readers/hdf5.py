@@ -24,6 +24,7 @@ RATE_ATTRIBUTES = (
 )
 STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
 START_ATTRIBUTE, ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
+TIME_UNITS = ("time_unit", "time_units", "timeunit")
 MAX_TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
 SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
@@ -81,13 +82,15 @@ def contents(path: Path) -> Contents:
 
 def stated_clock(by_key: Attributes) -> tuple[float, float, str] | None:
     """Return the sampling frequency that attributes state, the start of the abscissa and its unit; None without."""
-    fs = next((float(by_key[key]) for key in RATE_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
-    dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
-    if not (fs > 0 or dt > 0):
+    key = next((one for one in RATE_ATTRIBUTES + STEP_ATTRIBUTES if is_positive_number(by_key.get(one))), "")
+    if not key:
         return None
-    start, waveform = by_key.get(START_ATTRIBUTE), "s" if fs > 0 or "wf_increment" in by_key else ""
-    unit = str(by_key.get(ABSCISSA_UNIT_ATTRIBUTE) or waveform)
-    return fs if fs > 0 else 1 / dt, float(start) if is_finite_number(start) else 0.0, unit
+    number, start, is_rate = float(by_key[key]), by_key.get(START_ATTRIBUTE), key in RATE_ATTRIBUTES
+    stated = (ABSCISSA_UNIT_ATTRIBUTE, f"{key}_unit", f"{key}_units", f"{key}unit", *(() if is_rate else TIME_UNITS))
+    unit = next(
+        (str(by_key[one]) for one in stated if by_key.get(one)), "s" if is_rate or key == "wf_increment" else ""
+    )
+    return number if is_rate else 1 / number, float(start) if is_finite_number(start) else 0.0, unit
 
 
 def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
@@ -156,11 +159,15 @@ def find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tup
 
 def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
     """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array as it is."""
+    import h5py
+
     if node.shape is None:  # of HDF5's null space
         return {}
     if node.dtype.names:
         kinds = {key: node.dtype[key] for key in node.dtype.names}
         return {f"{name}.{key}": LazyStream(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"}
+    if h5py.check_string_dtype(node.dtype) and node.size == 1:
+        return {name: np.array(np.ravel(node.asstr()[()])[0])}
     if node.dtype.kind not in "fiubc":
         return {}
     if attributes.get("matlab_class") == "char":

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf._base.arguments import data_warning
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
     RATE_WORDS,
@@ -27,17 +28,8 @@ from nlfrf.io.readers.clock import (
     seconds_per_unit,
 )
 from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
+from nlfrf.io.readers.names import parse_unit
 
-#: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
-BARE_UNIT = (
-    r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"
-    r"deg|°|°C|°F|K|C|%|rpm|rev|grad|inch|mic|Ohm|Ω|dB|counts?|cnts?|incr?|ticks?|digits?|lsb|bits?|raw|V/V|volts?|"
-    r"amp(?:ere)?s?|newtons?|meters?|metres?|seconds?|m?sec|sekunden|sequence|"
-    r"bool|1)"
-)
-UNIT_CELL = re.compile(
-    rf"\[[^\]]*\]|\([^)]*\)|{BARE_UNIT}(?:(?:\^?-?\d|[²³])?(?:[*/·.]{BARE_UNIT}(?:\^?-?\d|[²³])?)*)", re.I
-)
 TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
 NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
@@ -55,7 +47,7 @@ RULES = (
         re.compile(r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I),
         re.compile(rf"(?!{NUMBER_CELL.pattern}$).*|1", re.I),
     ),
-    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), UNIT_CELL),
+    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), re.compile(r"\D+")),
     (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
     (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), NUMBER_CELL),
     (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), NUMBER_CELL),
@@ -78,6 +70,11 @@ MAX_UNPAIRED = 2  # columns without a name, or names without a column
 CLOCK_TEXT = re.compile(
     rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
 )
+#: The factor from the rate of a converter to that of the table, and what the latter is called.
+DECIMATION = re.compile(
+    r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])", re.I
+)
+OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
 #: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
 CLOCK_VALUE = re.compile(
     r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
@@ -87,11 +84,12 @@ CLOCK_VALUE = re.compile(
 
 
 class Clock(NamedTuple):
-    """A sampling frequency [Hz] that a preamble states, 0 where there is none; its label and its unit of time."""
+    """A sampling frequency [Hz] that a preamble states, 0 where there is none, or where it states several, `rates`."""
 
     fs: float = 0.0
     label: str = ""
     unit: str = ""
+    rates: tuple[tuple[str, float], ...] = ()
 
 
 class Header(NamedTuple):
@@ -147,6 +145,11 @@ def place_names_and_units(
         return [""] * width, [], unplaced
     shift = first or 0
     return slice_row(names, -shift, width), slice_row(units, -shift, width) if units else [], {}
+
+
+def is_unit(cell: str) -> bool:
+    """Return whether a cell holds a unit, in brackets or as it is."""
+    return re.fullmatch(r"\[.*\]|\(.*\)", cell) is not None or parse_unit(cell) is not None
 
 
 def bare_unit(unit: str, name: str, abscissa: str) -> str:
@@ -206,11 +209,11 @@ def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
-    marked = bare[0] in COMMENT_MARKS and bare[0] != delimiter
+    marked = line.lstrip(" ")[0] in COMMENT_MARKS and bare[0] != delimiter
     bare = bare.lstrip("#%!*/ ") if marked else line
     cells = split_cells(bare, delimiter)
-    if delimiter == " " and len(cells) != width:  # names with blanks in them are separated by several
-        wider = re.split(r"\s{2,}|\t", bare.strip())
+    if len(cells) != width and (delimiter == " " or len(cells) == 1):  # names with blanks are separated by several
+        wider = re.split(r"\s{2,}|\t", bare.strip(' "'))
         cells = wider if len(wider) == width else cells
     return [] if marked and len(cells) == 1 < width else cells
 
@@ -260,6 +263,8 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
     rows = rows[:1] + [row for row in rows[1:] if not all(map(TYPE_CELL.fullmatch, filter(None, row)))]
+    while len(rows) > 1 and len(rows[-1]) == 1 < len(kinds) - kinds.count(Kind.EMPTY):  # "End Comments"
+        rows = rows[:-1]
     over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row = rows[-1] if rows else []
     if above and {*row[len(above) :]} <= {"", "-"}:
@@ -269,7 +274,7 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
         row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
         if (found := names_and_units(above, row)) is not None:
             return (*found, constants)
-    if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
+    if over and len(above) == len(over) and all(map(is_unit, above)):
         return over, above, []
     return names_in(row, kinds), [], []
 
@@ -345,27 +350,31 @@ def is_units_row(row: list[str], above: list[str]) -> bool:
     >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
     (False, False)
     """
-    filled = [cell for cell in row if cell not in ("", "-")]
+    filled = [cell for cell in row if cell.strip("-#")]
     if any(map(is_time_name, row)) and not any(map(is_time_name, above)):
         return False
-    units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
+    units = sum(map(is_unit, filled))
     if units == len(filled):
         return True
-    names = len({*above}) == len(above) and not any(UNIT_CELL.fullmatch(cell) for cell in above if len(cell) > 1)
-    return names and all(above) and units > len(filled) / 2 and UNIT_CELL.fullmatch(row[0]) is not None
+    names = len({*above}) == len(above) and not any(is_unit(cell) for cell in above if len(cell) > 1)
+    return names and all(above) and units > len(filled) / 2 and is_unit(row[0])
 
 
 def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> Clock:
     """Find the sampling frequency in the lines above a table; that of an unknown unit is none.
 
-    A sampling time of seconds may be the duration of the record.
+    A sampling time of seconds may be the duration of the record. Of several rates that of the output counts, and a
+    rate before a decimation is divided by it.
 
     >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
-    Clock(fs=2000.0, label='Sample rate', unit='s')
+    Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
     >>> find_clock(("Sampling time,125,[us]",)).fs, find_clock(("dt,0.25",)).unit, find_clock(("Notes",)).fs
     (8000.0, '', 0.0)
+    >>> find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs, find_clock(("fs = 10", "dt = 1")).rates
+    (1000.0, (('line 1', 10.0), ('line 2', 1.0)))
     """
-    for line in lines:
+    clocks: dict[str, Clock] = {}
+    for i, line in enumerate(lines):
         found = CLOCK_TEXT.search(line)
         value = (
             CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
@@ -374,15 +383,26 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
             continue
         unit = value["unit"] or ""
         scale = (hertz_per_unit if found["rate"] else seconds_per_unit)(unit)
-        if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
+        if scale is None and value["gap"].strip() and not is_unit(unit):
             scale, unit = 1.0, ""  # a word in a cell of its own
         number = parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
         if found["step"] and found["step"].lower().endswith(("time", "zeit")) and number >= MIN_DURATION:
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
-            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == "Delta_X" else unit)  # by LabVIEW
-    return Clock()
+            unit = "s" if found["rate"] or found[0] == "Delta_X" else unit  # by LabVIEW
+            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = Clock(fs, found[0].strip(), unit)
+    factor = DECIMATION.search("\n".join(lines))
+    if clocks and factor and (rate := max(one.fs for one in clocks.values()) / int(factor[1])) > 0:
+        if int(factor[1]) > 1 and not any(map(OUTPUT.search, clocks)):
+            data_warning(
+                f"{rate:g} Hz are taken, the rate above the table over {factor[0]!r}; give fs if it is another"
+            )
+        clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not OUTPUT.search(name)}
+    outputs = [one for name, one in clocks.items() if OUTPUT.search(name)] or [*clocks.values()]
+    if len({f"{one.fs:.9g}" for one in outputs}) > 1:
+        return Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))
+    return outputs[0] if outputs else Clock()
 
 
 def parse_number(text: str, delimiter: str, decimal: str) -> float:

@@ -166,7 +166,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
         row = line.split(delimiter) if line else []
-    return [cell.strip().strip("'") for cell in row]
+    return [cell.strip("'") if cell.startswith("'") else cell for cell in map(str.strip, row)]  # but not that of Z'
 
 
 def is_number(cell: str, decimal: str) -> bool:

@@ -19,6 +19,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
+GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
+_WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # which has no decimal comma
+#: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between tabs.
+COMPLEX = re.compile(
+    rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
+    rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|"
+    rf"(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
+    re.I,
+)
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
@@ -30,9 +40,34 @@ def contents(path: Path) -> Contents:
         start = stream.read(HEAD_BYTES)
     if END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(END_OF_LABVIEW_HEADER)) > 2:
         raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
+    if start.startswith(b"EXPLAIN") and (section := GAMRY_IMPEDANCE.search(path.read_bytes())):
+        return read_table(section[0])
+    tail = start[-200:].replace(b"\0", b"").decode("latin-1")
+    if re.search(r"[ij]\)?\s|dB,|\t[^\s,]+,", tail, re.I) and COMPLEX.search(tail):
+        return read_complex(decode_text(path.read_bytes()))
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
         return read_table(decode_text(path.read_bytes()).encode())
     return read_table(start, path)
+
+
+def read_complex(text: str) -> Contents:
+    """Read a table with complex numbers, in place of each of which the parser finds its place among them."""
+    numbers = [complex(np.nan)]
+
+    def keep(found: re.Match[str]) -> str:
+        if found["dB"]:
+            z = 10 ** (float(found["dB"]) / 20) * np.exp(1j * np.radians(float(found["deg"])))
+        else:
+            z = complex(float(found["re"] or found["a"]), float("".join((found["im"] or found["b"]).split())))
+        numbers.append(z)
+        return f"{len(numbers) - 1}e-300"
+
+    arrays, units, clocks, notes = read_table(COMPLEX.sub(keep, text).encode())
+    values = np.array(numbers)
+    for name, x in arrays.items():
+        if np.nanmin(x, initial=1.0) > 0 and np.nanmax(x, initial=0.0) < 1e-290:
+            arrays[name] = values[np.rint(np.nan_to_num(1e300 * x)).astype(int)]
+    return arrays, units, clocks, notes
 
 
 def read_table(start: bytes, path: Path | None = None) -> Contents:
@@ -76,6 +111,8 @@ def clocks_of_table(
     if len({*steps.values()}) > 1 or (len({*starts.values()}) > 1 and not any(map(is_time_name, arrays))):
         clocks = {name: 1 / step for name, step in steps.items()}
         more = {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
+    elif header.clock.rates and not any(map(is_time_name, arrays)):
+        more = {f"{name}.sample rate": np.array(fs) for name, fs in header.clock.rates}
     elif header.clock.fs and not any(map(is_time_name, arrays)):
         label = header.clock.label if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]) else "sampling time"
         clocks = {"": header.clock.fs} if header.clock.unit else {}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +18,9 @@ def contents(path: Path) -> Contents:
     """
     from skrf.io.touchstone import Touchstone
 
-    file = Touchstone(str(path))
+    text = io.StringIO(re.sub(r"(?m)^\s*#(.*)$", sort_options, path.read_text(encoding="latin-1"), count=1))
+    text.name = str(path)  # which says how many ports there are
+    file = Touchstone(text)
     if file.parameter.upper() != "S":  # scikit-rf keeps the others as S, and has read Y by the reference of Z
         raise ValueError(f"it holds {file.parameter.upper()}-parameters: export S-parameters, or a table of the ratio")
     f, S = file.get_sparameter_arrays()
@@ -24,3 +28,16 @@ def contents(path: Path) -> Contents:
     arrays = {f"S{i}{j}": S[:, i - 1, j - 1] for i in ports for j in ports}
     frequencies = {f"{name}.frequency": f for name in arrays}
     return arrays | frequencies, dict.fromkeys(frequencies, "Hz"), {}, {}
+
+
+def sort_options(found: re.Match[str]) -> str:
+    """Return the line of options in the order that scikit-rf takes; the format allows any, and to leave some out.
+
+    >>> sort_options(re.match("#(.*)", "# R 75 RI MHz"))
+    '# MHz S RI R 75'
+    """
+    options = re.sub("!.*", "", found[1])
+    kinds = {"[kMG]?Hz": "GHz", "[SYZGH]": "S", "DB|MA|RI": "MA", r"R\s+\S+": "R 50"}
+    return " ".join(
+        ["#", *((re.findall(rf"(?i)\b(?:{kind})(?!\S)", options) or [default])[0] for kind, default in kinds.items())]
+    )

@@ -62,6 +62,7 @@ def frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dic
             axes = (AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
             name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
             arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
+            units[f"{name}.frequency"] = stated_unit(one, "abscissa") or "Hz"
             units |= (
                 {name: "/".join(filter(None, (stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))}
                 if not suffix

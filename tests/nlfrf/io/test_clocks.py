@@ -194,3 +194,65 @@ def test_a_sampling_time_in_an_attribute_without_a_unit_is_doubtful(tmp_path):
     assert nlfrf.load_record(saved_with(dt=1e-3)).fs == FS
     assert nlfrf.load_record(saved_with(fs=4.0)).fs == 4
     assert nlfrf.load_record(saved_with(wf_increment=0.25)).fs == 4  # which counts in seconds
+
+
+# Units in a variable or an attribute beside the clock, and two rates above a table
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        {"fs": 1.0, "fs_unit": "kHz"},
+        {"Ts": 1e-3 / 60, "TimeUnit": "minutes"},
+        {"dt": 1.0, "dt_unit": "ms"},
+        {"sample_rate": 6e4, "sample_rate_unit": "1/min"},
+        {"Ts": 1000.0, "time_unit": "us"},
+    ],
+)
+def test_a_unit_beside_a_clock(clock, tmp_path):
+    import h5py
+    from scipy.io import savemat
+
+    assert nlfrf.load_record(saved(tmp_path, **clock)).fs == pytest.approx(FS)
+    savemat(tmp_path / "run.mat", {"z": {"u": U, "y": Y, **clock}})
+    assert nlfrf.load_record(tmp_path / "run.mat", u="z.u", y="z.y").fs == pytest.approx(FS)
+    for where in ("file", "datasets", "variables"):
+        with h5py.File(tmp_path / "run.h5", "w") as file:
+            file["u"], file["y"] = U, Y
+            for node in {"file": [file], "datasets": [file["u"], file["y"]], "variables": []}[where]:
+                node.attrs.update(clock)
+            for name, held in clock.items() if where == "variables" else ():
+                file[name] = held
+        assert nlfrf.load_record(tmp_path / "run.h5").fs == pytest.approx(FS)
+
+
+def test_a_unit_beside_a_clock_that_is_not_known_is_asked_for(tmp_path):
+    for clock in ({"fs": 1.0, "fs_unit": "mHz"}, {"Ts": 1.0, "TimeUnit": "jiffies"}, {"t": T, "t_unit": "ticks"}):
+        with pytest.raises(ValueError, match="fs must be given"):
+            nlfrf.load_record(saved(tmp_path, **clock))
+
+
+def test_two_rates_above_a_table(tmp_path):
+    rows = "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(U, Y, strict=True))
+
+    def load(*lines):
+        (tmp_path / "run.csv").write_text("".join(f"# {line}\n" for line in lines) + "u,y\n" + rows)
+        return nlfrf.load_record(tmp_path / "run.csv").fs
+
+    assert load("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz") == FS
+    assert load("Logged at sample rate 1 kHz", "Control sample rate: 8 kHz") == FS
+    assert load("Sample rate: 1 kHz", "Sample interval: 1 ms") == FS
+    with pytest.warns(nlfrf.DataWarning, match="1000 Hz are taken, the rate above the table over 'Decimation: 10'"):
+        assert load("Sample rate: 10 kHz", "Decimation: 10") == FS
+    with pytest.raises(
+        ValueError, match=r"fs must be given: 'run.csv' says 1000 Hz by 'line 2.sample rate' and 10000 Hz"
+    ):
+        load("Sample rate: 10 kHz", "Sampling rate: 1 kHz")
+
+
+def test_a_node_of_a_circuit_is_no_unit(tmp_path):
+    rows = "".join(f"{t:.4f},{a:.9g},{b:.9g}\n" for t, a, b in zip(T, U, Y, strict=True))
+    for names, units in (("V(in),V(out)", ("", "")), ("I(R1),speed(ref)", ("", "")), ("U(V),I(mA)", ("V", "mA"))):
+        (tmp_path / "run.csv").write_text(f"time,{names}\n{rows}")
+        channels = nlfrf.inspect_file(tmp_path / "run.csv").channels[1:]
+        assert tuple(one.unit for one in channels) == units

@@ -1,0 +1,465 @@
+"""The grammar of names and units: of columns, variables, channels and attributes, each parsed whole.
+
+    name = [sign or inverse] quantity [of what] [unit or scale in brackets, behind a mark or a blank]
+    unit = [factor] symbol [power] { "*" or "/" symbol [power] }, or a scale of ratios as dB
+
+Tables, records, arrays, structs and attributes share the tables below. A word of a name that stands in none of them is
+kept as `unknown`: whoever uses the column decides whether it is the name of a thing, or asks.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections import Counter, defaultdict
+from functools import lru_cache
+from math import log, pi
+from typing import NamedTuple
+
+import numpy as np
+
+TURN = 2 * pi
+MAX_LENGTH = 200  # characters of a name or a unit; what is longer is none
+PREFIXES = {
+    "": 1.0,
+    "p": 1e-12,
+    "n": 1e-9,
+    "u": 1e-6,
+    "μ": 1e-6,
+    "m": 1e-3,
+    "k": 1e3,
+    "K": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+    "nano": 1e-9,
+    "micro": 1e-6,
+    "milli": 1e-3,
+    "centi": 1e-2,
+    "kilo": 1e3,
+    "mega": 1e6,
+    "giga": 1e9,
+}
+#: Decades of a ratio in one of a scale: `log10` and `ln` are those of the ratio itself, dB10 that of a power.
+SCALES = {
+    **dict.fromkeys(("dB", "dB20", "decibel", "decibels"), 1 / 20),
+    **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
+    **dict.fromkeys(("log10", "lg"), 1.0),
+    **dict.fromkeys(("B", "bel"), 1 / 2),
+    "dB10": 1 / 10,
+    "dNp": 0.1 / log(10),
+    "cNp": 0.01 / log(10),
+}
+#: Units by their spellings: the factor to base units, and the powers of these. A base unit stands for itself.
+ANGLES = {
+    "rad radian radians": (1.0, "rad"),
+    "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad in German; grad in small letters may be the gon
+    "gon gons gradian gradians": (TURN / 400, "rad"),
+    "rev revs revolution revolutions turn turns cycle cycles cyc tr": (TURN, "rad"),
+    "arcmin": (TURN / 21600, "rad"),
+    "arcsec": (TURN / 1296000, "rad"),
+}
+FREQUENCIES = {"Hz hertz cps": (TURN, "rad s-1"), "rpm CPM": (TURN / 60, "rad s-1")}
+TIMES = {
+    "s sec secs second seconds sekunde sekunden": (1.0, "s"),
+    "min mins minute minutes": (60.0, "s"),
+    "h hr hrs hour hours": (3600.0, "s"),
+    "d day days": (86400.0, "s"),
+    "week weeks": (604800.0, "s"),
+}
+PHYSICAL = {
+    "m meter meters metre metres": (1.0, "m"),
+    "cm": (0.01, "m"),
+    "in inch inches": (0.0254, "m"),
+    "ft foot feet": (0.3048, "m"),
+    "mil mils": (25.4e-6, "m"),
+    "l L": (1e-3, "m3"),
+    "kg": (1.0, "kg"),
+    "lb": (0.45359237, "kg"),
+    "N newton newtons": (1.0, "kg m s-2"),
+    "lbf lbs": (4.4482216152605, "kg m s-2"),
+    "Nm J": (1.0, "kg m2 s-2"),
+    "Ncm": (0.01, "kg m2 s-2"),
+    "Nmm": (0.001, "kg m2 s-2"),
+    "W watt watts VA": (1.0, "kg m2 s-3"),
+    "Pa": (1.0, "kg m-1 s-2"),
+    "bar": (1e5, "kg m-1 s-2"),
+    "psi": (6894.757293168, "kg m-1 s-2"),
+    "A amps ampere amperes App Arms Apk": (1.0, "A"),
+    "V volt volts Vpp Vrms Vpk Vp": (1.0, "kg m2 s-3 A-1"),
+    "Ohm ohm ohms Ω ω": (1.0, "kg m2 s-3 A-2"),
+    "S siemens mho": (1.0, "kg-1 m-2 s3 A2"),
+    "F": (1.0, "kg-1 m-2 s4 A2"),
+    "H": (1.0, "kg m2 s-2 A-2"),
+    "T": (1.0, "kg s-2 A-1"),
+    "Wb Vs": (1.0, "kg m2 s-2 A-1"),
+    "C As": (1.0, "A s"),
+    "Ah": (3600.0, "A s"),
+    "K": (1.0, "K"),
+    "°C degC": (1.0, "celsius"),
+    "°F degF": (1.0, "fahrenheit"),
+    "g gn": (1.0, "g"),  # of gravity or a gram: it goes with itself alone
+    "sample samples sa smp": (1.0, "sample"),
+    "count counts cnt cnts inc incr incs increment increments tick ticks digit digits LSB raw": (1.0, "count"),
+    "strain": (1.0, "strain"),
+    "FS eu pu px div step bit bits bool sequence mic": (1.0, "unit"),
+    "% percent prozent pct": (1e-2, ""),
+    "‰": (1e-3, ""),
+    "ppm": (1e-6, ""),
+    "π pi": (pi, ""),
+    "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
+}
+RATIOS = ("1", *[*PHYSICAL][-1].split())  # units of a ratio
+FACTOR = r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
+#: A symbol ends where its word does: else a long word could be cut in countless ways.
+FACTOR += r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
+FACTOR += r"(?:(?:\^|\*\*)?(-[1-4]|(?:[2-4]|(?<=[*^])1)(?!\d)))?)\s*"
+
+
+class Unit(NamedTuple):
+    """A unit: the factor to base units and their powers, decades of a ratio in one of a scale, and as it is written."""
+
+    factor: float
+    powers: tuple[tuple[str, int], ...] = ()
+    decades: float = 0.0
+    text: str = ""
+
+
+@lru_cache(1)
+def known_symbols() -> dict[str, tuple[float, str, str]]:
+    """Return factor, powers and symbol by what is written; in other letters, too, where a prefix keeps its own."""
+    tables = (ANGLES, FREQUENCIES, TIMES, PHYSICAL)
+    units = {symbol: (*one, symbol) for table in tables for names, one in table.items() for symbol in names.split()}
+    found = {
+        prefix + symbol: (scale * one[0], *one[1:])
+        for prefix, scale in PREFIXES.items()
+        for symbol, one in units.items()
+    }
+    small = {
+        prefix + symbol.lower(): found[prefix + symbol]
+        for prefix in PREFIXES
+        for symbol in units
+        if len(symbol) > 1 and symbol != "Grad" and prefix != "m"
+    }
+    return small | found | units
+
+
+def find_symbol(symbol: str) -> tuple[float, str, str] | None:
+    """Find factor, powers and bare symbol of a unit in one word."""
+    known = known_symbols()
+    others = (symbol.lower(), symbol[0] + symbol[1:].lower()) if len(symbol) > 1 else ()
+    return next((known[one] for one in (symbol, *others) if one in known), None)
+
+
+@lru_cache(4096)
+def parse_unit(written: str) -> Unit | None:
+    """Parse a unit without its brackets; None of one that is none, or that may be one of two.
+
+    >>> [parse_unit(one).factor for one in ("mm/N", "kOhm", "x10 s", "m/(N*s2)", "percent")]
+    [0.001, 1000.0, 10.0, 1.0, 0.01]
+    >>> parse_unit("dB").decades, parse_unit("dB re 1 mm/N").factor, [parse_unit(one) for one in ("grad", "mhz", "R1")]
+    (0.05, 0.001, [None, None, None])
+    """
+    if len(written) > MAX_LENGTH:
+        return None
+    written = normalize(written).strip()
+    if written in SCALES or (len(written) > 1 and written.lower() in map(str.lower, SCALES)):
+        return Unit(
+            1.0, (), SCALES.get(written) or {one.lower(): SCALES[one] for one in SCALES}[written.lower()], written
+        )
+    if found := re.fullmatch(r"dB\s*(?:re[fl]?\.?\s*1?\s*(.+)|\((.+)\)|(Ω|Ohm))", written, re.I):
+        of = parse_unit(found[1] or found[2] or found[3])
+        return of and of._replace(decades=SCALES["dB"])
+    if written.lower() in RATIOS:
+        return Unit(1.0, text=written)
+    turned = str.maketrans("*·×⋅. /", "//////*")
+    flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written)
+    flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
+    factors = re.findall(FACTOR, flat) if re.fullmatch(f"(?:{FACTOR})+", flat) else []
+    scale, powers = 1.0, Counter[str]()
+    for mark, number, exponent, symbol, power in factors:
+        n = int(power or exponent or 1) * (-1 if mark in ("/", "per") else 1)
+        one = find_symbol(symbol) if symbol else (float(number), "", "")
+        if one is None or (number and mark in ("/", "per")):
+            return None
+        scale *= one[0] ** n
+        powers.update({base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)})
+    has_symbol = any(symbol for _, _, _, symbol, _ in factors)
+    return (
+        Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written) if has_symbol else None
+    )
+
+
+def parse_powers(written: str) -> tuple[tuple[str, int], ...]:
+    """Return the powers of base units in a unit that is known."""
+    unit = parse_unit(written)
+    return unit.powers if unit else ()
+
+
+def parse_bracket(head: str, inside: str) -> Unit | None:
+    """Parse the unit in brackets behind a name; None also of a node or a part of a circuit, as in V(in), I(m)."""
+    unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
+    return None if of and unit and unit.powers != parse_powers(of) else unit
+
+
+def normalize(written: str) -> str:
+    """Return a name without accents, with one sign for each of the minus signs, primes, degrees and squares."""
+    written = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im")))
+    written = "".join(one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one))
+    return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", written)))
+
+
+#: Words by what they stand for. Of several quantities in a name the first here decides: "gain: real" is a real part.
+QUANTITIES = {
+    "std": "std stdev stddev sigma σ",
+    "coherence": "coh coherence koharenz γ gamma msc",
+    "phase": "phase pha phas phz ph phi φ ϕ theta θ angle ang cang arg argument fase winkel phasen phasenwinkel "
+    "phasengang",
+    "imaginary": "im imag img imaginary imaginar imaginaire imaginarteil reactance",
+    "real": "re real rea reel reelle realteil resistance",
+    "magnitude": "mag magnitude magn gain ampl amplitude amp abs mod modulus ratio impedance betrag verstarkung "
+    "amplitudengang ganancia guadagno",
+    "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
+}
+SIGNS = {
+    "minus": "minus neg negative negated",
+    "conjugate": "conj conjugate conjugated",
+    "lag": "lag lagging",
+    "lead": "lead leading",
+}
+INVERSES = {"inverse": "inverse inv reciprocal", "loss": "attenuation attn loss"}  # of G, and of its magnitude alone
+POWERS = {"squared": "squared square", "power": "power", "log": "log"}
+FILLERS = {
+    "filler": "of the in part component value values response data frf wrapped unwrapped shift linear as function "
+    "axis insertion return transmission",
+    "no_name": "normalized normalised normiert scaled relative rel error err delta difference margin slope",
+}
+ROLES = {
+    word: role
+    for table in (QUANTITIES, SIGNS, INVERSES, POWERS, FILLERS)
+    for role, listed in table.items()
+    for word in listed.split()
+}
+#: What a name is rewritten by, in turn, before its words are looked up; ⟪⟫ are around what a quantity is of.
+REWRITTEN = (
+    (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
+    (r"(?:frequency|freq)[ _]?response(?:[ _]?function)?|transfer[ _]?function", " "),
+    (r"([12])0\s*[*·.]?\s*log(?:10)?(?![^\W_])", r" dB\g<1>0 "),
+    (r"loss[ _]modulus", " imag "),
+    (r"storage[ _]modulus", " real "),
+    (r"(?<![^\W_])([^\W\d_])''(?:\([ab]\))?", r" imag ⟪\1⟫ "),
+    (r"(?<![^\W_])([^\W\d_])'(?:\([ab]\))?", r" real ⟪\1⟫ "),  # of a + j b
+    (r"\^\s*2(?!\d|[^\[(]*[\])])", " squared "),  # but not in a unit
+    (r"\(\*\)", "(°)"),  # as some programs write the sign
+    (r"∠", " phase "),
+    (r"(?<![^\W_])([SZYG])\((\d)[,;](\d)\)", r"\1\2\3"),
+    (r"_rad_(?:per_)?s(?:ec)?$", " rad/s"),
+    (r"(?<![^\W_])([^\W\d_]\d{0,2})\((?:f|s|z|[ij][*·]?[wω])\)", r"\1"),  # H(f), G(jw)
+    (r"^([^\[(|]*[^\W_])\.(?=[^\W\d])", r"⟪\1⟫ "),  # the struct of a variable
+    (r"(?:^|(?<=[(=:\[\s|]))-(?=[^\s\d\-\])])|^-", " minus "),
+    (r"(?<![\w.^])1\s*/\s*(?=[^\W\d]|[|(])", " inverse "),
+    (r"\|\s*([^|]+?)\s*\|", r" abs(\1)"),
+)
+#: Functions of what a quantity is of: "Re(Z)", "dB(S(2,1))".
+FUNCTION = re.compile(
+    r"(?<![^\W_])(re|im|real|imag|imaginary|abs|arg|ang|angle|phase|mag|magnitude|db|conj|(?:c?ang)_(?:deg|rad))"
+    r"\(((?:[^()]|\([^()]*\))+)\)",
+    re.I,
+)
+BRACKET = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\})")
+TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|(in)\s+)?)(?=[^\s(\[⟪-])")
+#: Where words are written as one: "Zmod", "ReZ", "FreqHz", "MagdB".
+GLUED = re.compile(
+    r"(?<=(?<![^\W\d_])[ZYGH])(?=(?:re|im|img|mod|abs|mag|ph|phz|phase|arg|real|imag)(?![^\W\d_]))|"
+    r"(?<=[^\W\d_][a-z])(?=[A-Z][a-z]|[A-Z]{2}|dB|[ZYGH](?![^\W_]))"
+)
+SOCKET = r"(?:channel|chan|ch|trace|trc|tr|kanal)\s*\d*(?![^\W_])"
+WORD = re.compile(
+    rf"[⟪⟫()\[\]]|{SOCKET}|log10|dB[12]0|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
+    re.I,
+)
+
+
+class ColumnName(NamedTuple):
+    """What the name of a column says: its quantity, and how it is meant.
+
+    The quantity is one of `QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of a
+    standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which power
+    of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that stand
+    in no table, hence names of a thing, or words that must not be ignored.
+    """
+
+    quantity: str = ""
+    part: str = ""
+    sign: int = 1
+    inverse: bool = False
+    is_conjugate: bool = False
+    scale: float = 1.0
+    unit: Unit | None = None
+    of_what: str = ""
+    label: str = ""
+    unknown: tuple[str, ...] = ()
+
+
+@lru_cache(4096)
+def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> ColumnName:
+    """Parse the name of a column, with the unit that the file states of it apart from the name.
+
+    >>> column = parse_name("-Im(Z)/Ohm")
+    >>> column.quantity, column.sign, column.unit.text, column.of_what, column.unknown
+    ('imaginary', -1, 'Ohm', 'Z', ())
+    >>> [parse_name(name).quantity for name in ("CH2 Phase lag (deg)", "Temp (°C)", "Zmod", "S11(DB)", "Z/Ohm", "dB")]
+    ['phase', '', 'magnitude', 'magnitude', 'magnitude', 'magnitude']
+    """
+    if len(name) > MAX_LENGTH:
+        return ColumnName(unknown=(name,))
+    written = normalize(re.sub(r"\.\d+$", "", name)).strip()
+    unit_text, written = (written, "") if is_scale(written) else (stated, written)
+    for pattern, other in REWRITTEN:
+        written = re.sub(pattern, other, written, flags=re.I)
+    while (inner := FUNCTION.sub(rewrite_function, written)) != written:
+        written = inner
+    unit_text, written = (unit_text, written) if unit_text else split_unit(written)
+    found: defaultdict[str, list[str]] = defaultdict(list)
+    depth, brackets, last, is_first = 0, 0, "", True
+    for token in WORD.findall(GLUED.sub(" ", written)):
+        depth += {"⟪": 1, "⟫": -1}.get(token, 0)
+        brackets += {"(": 1, "[": 1, ")": -1, "]": -1}.get(token, 0)
+        role = ROLES.get(token.lower(), "filler" if token in "⟪⟫()[]" else "name")
+        if is_complex and token.lower() == "in":
+            role = "name"  # V(in)
+        elif re.fullmatch(SOCKET, token, re.I):
+            role = "socket"
+        elif (role == "minus" and last.isdigit()) or (role in QUANTITIES and len(token) == 1 and not is_first):
+            role = "name"  # the direction of a node, "6 minus x"; the f of "H f"
+        elif role == "name" and not depth and is_scale(token):
+            role = "unit"
+        found[role].append(token)
+        is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]|[A-Z]\d+", token))
+        if role == "no_name" or (role == "name" and not is_known):
+            found["unknown"].append(token)
+        last, is_first = token, is_first and (depth > 0 or role in ("filler", "unit"))
+    return combine(found, unit_text, is_complex)
+
+
+def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool) -> ColumnName:
+    """Return what the words of a name say together; what does not go together is unknown."""
+    names = found["name"] + found["no_name"]
+    unit_text = unit_text or next(iter(found["unit"]), "")
+    unit, named = parse_unit(unit_text), [one for one in QUANTITIES if found[one]]
+    named = ["phase"] * bool(found["lag"] + found["lead"]) + ["magnitude"] * bool(found["loss"]) + named
+    quantity = next(
+        (one for one in QUANTITIES if one in named), "" if found["unknown"] else quantity_of_unit(unit, names)
+    )
+    if quantity == "magnitude" and unit and unit.powers in map(parse_powers, "VAW"):
+        return ColumnName("level")  # several Bode plotters write the amplitude of the excitation, too
+    if is_complex:
+        quantity, named, found["unknown"] = "complex", [], found["no_name"]
+    part = next((one for one in named if one != "std"), "") if quantity == "std" else ""
+    logs = [one for one in found["unit"] if parse_unit(one) != unit] + found["log"]
+    if quantity == "frequency":
+        called = {one.lower() for one in found["frequency"]}
+        default = "rad/s" if called & {"w", "omega", "ω", "wout"} else "Hz" if "f" in called else ""
+        unit = unit if unit_text else parse_unit(default)
+        if logs and all(one.lower() in ("log", "log10", "lg") for one in logs):
+            unit, logs = (unit or Unit(TURN))._replace(decades=1.0), []
+    if quantity == "magnitude" and found["squared"]:
+        unit = unit or Unit(1.0)  # nobody squares decibels
+    in_scale = unit is not None and unit.decades > 0
+    n_squares = len(found["squared"]) + len(found["power"]) * (not in_scale)
+    odd = {  # words that mean nothing there
+        "lag": quantity != "phase",
+        "lead": quantity != "phase",
+        "loss": quantity != "magnitude",
+        "inverse": quantity in ("std", "coherence", "frequency"),
+        "power": quantity not in ("magnitude", "coherence"),
+        "squared": quantity not in ("magnitude", "coherence") or (in_scale and unit != parse_unit("dB10")),
+        **{one: one not in (quantity, "magnitude", part) for one in QUANTITIES},
+    }
+    unknown = found["unknown"] + [word for role in odd if odd[role] for word in found[role]]
+    unknown += [one for one in logs if not (in_scale and one.lower() == "log")]
+    unknown += [unit_text] * (bool(unit_text) and quantity != "" and not suits(quantity, unit))
+    label = re.sub(r"(?<=[^\W\d_])(?=\d)", " ", " ".join(found["socket"] + names))
+    return ColumnName(
+        quantity,
+        part,
+        (-1) ** (len(found["minus"]) + len(found["lag"])),
+        len(found["inverse"] + found["loss"]) % 2 == 1,
+        len(found["conjugate"]) % 2 == 1,
+        2.0**n_squares if quantity == "magnitude" else 1.0,
+        unit,
+        " ".join(names),
+        label,
+        tuple(unknown),
+    )
+
+
+def quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
+    """Return the quantity that a unit alone stands for, as "dB", "S11(DEG)" and "Z/ohm" have it; empty for others."""
+    is_impedance = names in (["Z"], ["Y"]) and unit and unit.powers in map(parse_powers, ("Ohm", "S"))
+    if unit is not None and (unit.decades > 0 or is_impedance):
+        return "magnitude"
+    return next((one for one in ("phase", "frequency") if suits(one, unit)), "")
+
+
+def suits(quantity: str, unit: Unit | None) -> bool:
+    """Return whether a unit is one of a quantity, or of "time"."""
+    if unit is None:
+        return False
+    if quantity in ("frequency", "time"):
+        return unit.powers == ((("s", 1),) if quantity == "time" else (("rad", 1), ("s", -1))) or unit.decades == 1.0
+    if quantity == "phase":
+        return not unit.decades and (unit.powers == (("rad", 1),) or (not unit.powers and unit.factor == pi))
+    return quantity in ("magnitude", "std") or (not unit.decades and (quantity != "coherence" or not unit.powers))
+
+
+def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
+    """Return the numbers of a column in SI units, a frequency in Hz, of G itself: without sign, scale and inverse.
+
+    >>> convert(parse_name("Attenuation (dB)"), np.array([20.0])), convert(parse_name("f [rad/min]"), np.array([60.0]))
+    (array([0.1]), array([0.15915494]))
+    """
+    unit, turns = column.unit or Unit(1.0), column.is_conjugate and column.quantity in ("phase", "imaginary")
+    x = x * (-column.sign if turns else column.sign)
+    x = unit.factor * (10 ** (unit.decades * x) if unit.decades else x)
+    if column.quantity == "phase":
+        return -x if column.inverse else x
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = x / TURN if column.quantity == "frequency" else x if column.scale == 1 else x ** (1 / column.scale)
+        x = 1 / x if column.inverse and column.quantity in ("magnitude", "complex") else x
+    return np.conj(x) if column.is_conjugate and column.quantity == "complex" else x
+
+
+def rewrite_function(found: re.Match[str]) -> str:
+    """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
+    argument = found[2].strip()
+    is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
+    is_word = is_unit or (len(argument) > 1 and argument.lower() in ROLES)
+    is_word = is_word or (
+        found[1].lower() in ("phase", "angle", "mag", "magnitude") and len(argument) > 1 and argument.islower()
+    )
+    return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
+
+
+def split_unit(written: str) -> tuple[str, str]:
+    """Split a name into the unit in it, in brackets or behind a mark or a blank, and the rest.
+
+    >>> split_unit("Gain [dB] (CH2)"), split_unit("freq/Hz"), split_unit("Re H"), split_unit("mag_db")
+    (('dB', 'Gain (CH2)'), ('Hz', 'freq'), ('', 'Re H'), ('db', 'mag'))
+    """
+    for found in reversed(list(BRACKET.finditer(written))):
+        inside = next((part for part in found.groups() if part), "").strip()
+        head = written[: found.end() - len(found[0].lstrip())]
+        if parse_bracket(head, inside) and (inside != "1" or found[1]):
+            return inside, written[: found.start()] + written[found.end() :]
+    for found in TAIL.finditer(written):
+        tail = written[found.end() :].strip()
+        is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, but behind a stroke or "in"
+        if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
+            return tail, written[: found.start()]
+    return "", written
+
+
+def is_scale(word: str) -> bool:
+    """Return whether a word is a unit of ratios, angles or frequencies: these stand in names without brackets, too."""
+    unit = parse_unit(word) if len(word) > 1 or word in "°%" else None
+    return unit is not None and (unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%")
