@@ -237,8 +237,15 @@ def identify(
     period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
     resample: Annotated[
-        bool, typer.Option("--resample", help="Cut the periods where the input shows they are.")
+        bool, typer.Option("--resample", help="Cut the periods where the input shows they are, on an even clock.")
     ] = False,
+    start: Annotated[
+        list[float] | None,
+        typer.Option(help="Cut out of each file from here [s after its first row]; may be repeated."),
+    ] = None,
+    stop: Annotated[
+        list[float] | None, typer.Option(help="Cut up to here; each --start with its --stop is a realisation.")
+    ] = None,
     transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
     level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
@@ -266,6 +273,8 @@ def identify(
         "resample": resample,
         "design": design,
         "hold": hold,
+        "start": start,
+        "stop": stop,
     }
     kind = stated_kind(file[0], file[0].suffix.lower()) if input is None else None
     if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
@@ -279,6 +288,7 @@ def identify(
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
         given = {"period": period, "discard": discard, "resample": resample, "reference": references}
+        given |= {"start": start, "stop": stop}
         require_left_out({**given, "opinion": opinion, "units": units})
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)

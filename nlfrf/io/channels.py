@@ -435,6 +435,11 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         return read_compressed(path)
     arrays, units, clocks, notes = read_contents(path, suffix, reader_of_suffix(path, suffix))
     arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
+    for name, array in arrays.items():
+        if array.dtype.kind in "Mm" and array.size > 1:  # moments of numpy and pandas are a clock by their type
+            arrays[name] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s")
+            units[name] = "s"
+            clocks.setdefault("", name)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
         listing = "; ".join(f"{name!r} {why}" for name, why in notes.items())
