@@ -287,8 +287,8 @@ def identify(
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        given = {"period": period, "discard": discard, "resample": resample, "reference": references}
-        given |= {"start": start, "stop": stop}
+        given: dict[str, object] = {"period": period, "discard": discard, "resample": resample}
+        given |= {"reference": references, "start": start, "stop": stop}
         require_left_out({**given, "opinion": opinion, "units": units})
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)

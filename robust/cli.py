@@ -229,6 +229,7 @@ def design(
     Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
     """
     json_path(out)
+    method = method.lower()
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
@@ -494,6 +495,9 @@ def report(
     output: Annotated[
         str | None, typer.Option("--output", help="Name of the output in the record; that of the model when not given.")
     ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option(help="Name of the reference in the record; may be repeated, one for each input.")
+    ] = None,
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
@@ -523,6 +527,7 @@ def report(
         nlfrf.load_record,
         u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
         y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
+        r=(reference[0] if plant.is_single else reference) if reference else None,
         fs=fs,
         n_samples=period,
         n_discard=discard,

@@ -26,7 +26,7 @@ from nlfrf.io.direction import (
 )
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import LostRows, find_lost_rows, merge_alternating_rows
+from nlfrf.io.records import LostRows, find_lost_rows, merge_alternating_rows, unfold_periods
 from nlfrf.io.results import value_in
 from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
 from nlfrf.records.record import Record
@@ -224,6 +224,8 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
             return own_contents(file)
         gaps = [name for name in file.signals if not np.isfinite(file.arrays[name][:2]).all()]
         file = merge_alternating_rows(file, gaps)
+        for name in [name for name in file.signals if file.arrays[name].ndim == 2]:
+            file = unfold_periods(file, [name])[0]
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(

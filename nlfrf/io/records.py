@@ -25,7 +25,7 @@ from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design
 from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
 from nlfrf.io.uneven_clock import find_uneven_clock
-from nlfrf.records.period import detect_period
+from nlfrf.records.period import detect_period, is_repeated
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import design_period
 from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
@@ -158,6 +158,50 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
 # ---- Rows of a file that are not those of one record: parts of it, and signals that take turns.
 
 HEAD_ROWS = 64  # rows that show whether signals take turns
+
+
+def arrange_rows(
+    files: list[Channels],
+    channels: Sequence[object],
+    *,
+    options: Cutting,
+    fs: float | None,
+    windows: tuple[Seconds, Seconds],
+) -> tuple[list[Channels], Cutting]:
+    """Return measurement files whose channels are streams of rows: each realisation one, and how they are cut."""
+    several = (some if isinstance(some, list | tuple) else [some] for some in channels)
+    names = [name for some in several for name in some if isinstance(name, str)]  # others are refused later
+    if not names or any(file.text("schema") for file in files):
+        return files, options
+    files = [merge_alternating_rows(file, names) for file in files]
+    files, n = map(list, zip(*(unfold_periods(file, names) for file in files), strict=True))
+    if options.n_samples is None and n[0]:
+        options = options._replace(n_samples=n[0])
+    return cut_windows(files, *windows, name=names[0], fs=fs), options
+
+
+def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]:
+    """Return a file whose matrices of periods, (n, P) or (P, n), are streams, and n; itself and 0 where it has none.
+
+    The first channel shows whether its columns repeat each other; those of the same shape go with it.
+    """
+    full = file.full_name(names[0]) if names else ""
+    matrix = file.arrays.get(full, np.zeros(0))
+    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or not 4 < 4 * min(matrix.shape) <= max(matrix.shape):
+        return file, 0
+    n_periods, n = sorted(matrix.shape)
+    arrays = {
+        name: np.ravel(x if x.shape[0] == n_periods else x.T) if x.shape == matrix.shape else x
+        for name, x in file.arrays.items()
+        if not any(name.startswith(f"{other}.") and file.arrays[other].shape == matrix.shape for other in file.arrays)
+    }
+    if not is_repeated(arrays[full].astype(float), n):
+        return file, 0
+    for name in file.times:
+        if file.arrays[name].size == n:
+            t = np.ravel(file.arrays[name]).astype(float)
+            arrays[name] = (t + np.arange(n_periods)[:, None] * (t[-1] - t[0]) * n / (n - 1)).ravel()
+    return replace(file, arrays=arrays), n
 
 
 def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
@@ -445,6 +489,8 @@ def load_record(
     if isinstance(design, str | os.PathLike):
         design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
+    if (start, stop) != (None, None) and any(file.text("schema") for file in files):
+        raise ValueError(f"start and stop must be left out for a record that was saved, got {start} and {stop}")
     if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
         if r:
             raise ValueError(
@@ -452,12 +498,7 @@ def load_record(
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
-    names = [name for some in (u, y, r or ()) for name in ([some] if isinstance(some, str) else some)]
-    if not any(file.text("schema") for file in files):
-        files = [merge_alternating_rows(file, names) for file in files]
-        files = cut_windows(files, start, stop, name=names[0], fs=fs)
-    elif start is not None or stop is not None:
-        raise ValueError(f"start and stop must be left out for a record that was saved, got {start} and {stop}")
+    files, options = arrange_rows(files, (u, y, r), options=options, fs=fs, windows=(start, stop))
     if isinstance(u, list | tuple) and not (len(u) == 1 and isinstance(y, str)):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         return load_channels(files, u=u, y=y, r=r, fs=fs, options=options)

@@ -68,7 +68,8 @@ def record_from_samples(
     Parameters
     ----------
     u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
-        Inputs and outputs, sampled together; a list holds one array per realisation (experiment).
+        Inputs and outputs, sampled together; a list holds one array per realisation (experiment). Of one channel also
+        (n_samples, P), a period a column.
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
@@ -129,10 +130,14 @@ def record_from_samples(
     """
     if design is not None:
         require_kind("design", design, Multisine)
-    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     signals: dict[str, Samples] = {"u": u, "y": y}
     if r is not None:
         signals["r"] = r
+    if all(isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] > x.shape[1] for x in signals.values()):
+        n_samples = len(signals["u"]) if n_samples is None else n_samples  # periods side by side
+        signals = {name: np.ravel(np.asarray(x).T) for name, x in signals.items()}
+        u, y, r = signals["u"], signals["y"], signals.get("r")
+    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     several = design is not None and not design.is_single
     if inputs or outputs or several or any(map(has_channels, signals.values())):
         return record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
+MAX_WIDTH = 256  # columns that a table with fewer rows may have
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
@@ -42,6 +43,10 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     layout = find_layout(text)
     size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
+    if (width := len(layout.numeric)) > MAX_WIDTH and width > 2 * n_lines:
+        raise ValueError(
+            f"it has {layout.n_data_rows} rows of {width} columns: transpose it, one row a sample, one column a channel"
+        )
     long = path is not None and size > HEAD_BYTES
     try:
         frame, no_numbers = parse_columns(
