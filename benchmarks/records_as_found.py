@@ -7,9 +7,9 @@ settled or from rest, in open loop or in a closed one with or without its refere
 direction, tell nothing, or tell the other one, as where a position is played and a force answers. What `inspect`
 proposes is run.
 
-Clocks: such a record behind a time column that is exact, rounded, jitters, or has lost rows, or from an encoder, a
-converter or a plant that stands still: these are sound. Then one whose rate changes, that a solver chose, or with rows
-of other events; and a sensor that is slower than the record. Each is loaded as it is and with `resample=True`.
+Clocks: such a record behind a time column that is exact, rounded, jitters, or has lost rows: these are sound. Then one
+whose rate changes, that a solver chose, with rows of other events or twice. Each is loaded as it is and with
+`resample=True`. Sensors: slower than the record, and those that repeat values for other reasons.
 
 An answer is wrong where the median of |G / G_true - 1| over the lines is above a quarter and the bound holds G_true on
 less than half of them. "Without a word" means without a warning.
@@ -27,8 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
 import nlfrf
+from nlfrf.records.screening.input import hold_factor, repeated_share
 
 FS = 1000.0
 GRIDS = ("special-odd", "odd", "random-odd", "odd-odd", "full")
@@ -100,18 +102,12 @@ def outcome(run: Run, path: Path, fs: float = FS, **options: Any) -> str:
 
 def options_of(command: str) -> dict[str, Any]:
     """Return the arguments of `load_record` that a command of `inspect` has."""
-    words = shlex.split(command)[3:]
-    given = dict(zip(words[::2], words[1::2], strict=True)) if "--resample" not in words else {"--resample": "1"}
-    if "--resample" in words:
-        words.remove("--resample")
-        given |= dict(zip(words[::2], words[1::2], strict=True))
+    words = shlex.split(command)
+    value = dict(zip(words, [*words[1:], ""], strict=True))
     names = {"--input": "u", "--output": "y", "--reference": "r"}
-    options: dict[str, Any] = {names[word]: given[word] for word in names if word in given}
-    return (
-        options
-        | {"resample": "--resample" in given}
-        | ({"n_samples": int(given["--period"])} if "--period" in given and given["--period"].isdigit() else {})
-    )
+    options: dict[str, Any] = {names[word]: value[word] for word in names if word in value}
+    options |= {"n_samples": int(value["--period"])} if value.get("--period", "").isdigit() else {}
+    return options | {"resample": "--resample" in words}
 
 
 def tried_direction(rng: np.random.Generator, folder: Path) -> tuple[str, str]:
@@ -129,11 +125,97 @@ def tried_direction(rng: np.random.Generator, folder: Path) -> tuple[str, str]:
     found = nlfrf.inspect_file(folder / "run.csv")
     periods = "one period" if run.u.size == run.n_samples else "several"
     kind = f"{naming}, {'loop with r' if with_reference else 'loop without r' if loop else 'open'}, {periods}"
-    words = shlex.split(found.command)
-    if not {"INPUT", "OUTPUT", "SAMPLES"}.isdisjoint(words):
-        swapped = (found.u, found.y) == (responds, drives)
-        return kind, "swapped, asked for the period" if swapped else "asked"
+    if not {"INPUT", "OUTPUT", "SAMPLES"}.isdisjoint(shlex.split(found.command)):
+        return kind, "asked"
     return kind, outcome(run, folder / "run.csv", **options_of(found.command))
+
+
+# ---- Clocks: times as written, and as they were.
+
+SOUND_CLOCKS = ("exact", "rounded", "coarse", "jitter", "late", "another clock", "lost")
+FAULTY_CLOCKS = ("two rates", "solver", "events", "loop", "twice")
+SOUND_SENSORS = ("as it is", "encoder", "converter", "clipped", "dead zone", "relay", "velocity of an encoder")
+SLOW_SENSORS = ("three of ten", "four of five", "one of five", "asynchronous", "a fifth at random", "most at random")
+
+
+def drawn_clock(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (n,) [s] as a file states them, and as they were."""
+    t, row = np.arange(n) / FS, np.arange(n)
+    some = np.sort(rng.choice(np.arange(5, n - 5), int(rng.choice([1, 3, 30])), replace=False))
+    if kind in SOUND_CLOCKS:
+        quantum = rng.choice([0.0015, 0.002, 0.005, 0.01, 0.1])
+        stall = (rng.random(n) < 0.002) * rng.uniform(1, 8, n)
+        stated = {
+            "rounded": np.round(t, 4),
+            "coarse": np.floor(t / quantum + 1e-9) * quantum,
+            "jitter": t + rng.uniform(-0.3, 0.3, n) / FS,
+            "late": np.maximum.accumulate(t + (rng.exponential(0.1, n) + stall) / FS),
+            "another clock": t * (1 + rng.uniform(-1e-4, 1e-4)) + rng.uniform(-1e-5, 1e-5) * t**2 / t[-1],
+        }.get(kind, t)
+        return (np.delete(t, some[:1]),) * 2 if kind == "lost" else (stated, t)
+    if kind in ("events", "twice"):
+        beyond = rng.uniform(0.05, 0.95, some.size) if kind == "events" else 0.0
+        t = np.sort(np.concatenate([t, (row[some] + beyond) / FS]))
+        return t, t
+    steps = {
+        "two rates": np.where(row < rng.uniform(0.2, 0.8) * n, 1.0, rng.choice([0.5, 0.8, 1.25, 2.0, 4.0])),
+        "solver": rng.gamma(rng.choice([1, 3, 10]), 1.0, n),
+        "loop": 1 + rng.exponential(rng.choice([0.03, 0.1, 0.3]), n),
+    }[kind]
+    t = np.cumsum(steps / (steps.mean() if kind == "solver" else 1.0)) / FS
+    t = t[t < n / FS]
+    return t, t
+
+
+def tried_clock(kind: str, rng: np.random.Generator, folder: Path, *, resample: bool) -> str:
+    """Draw a record of four periods behind such a time column; return what becomes of it."""
+    run = drawn_run(rng, n_periods=4)
+    stated, true = drawn_clock(kind, rng, run.u.size)
+    whole = np.arange(run.u.size + 1) / FS
+    u, y = (CubicSpline(whole, np.append(x, x[0]))(true) for x in (run.u, run.y))
+    write_table(folder / "run.csv", ["time [s]", "u", "y"], [stated, u, y])
+    return outcome(run, folder / "run.csv", resample=resample)
+
+
+def drawn_sensor(kind: str, rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
+    """Return a signal as a sensor of some kind shows it; every other one of the slow sensors rounds as well."""
+    n, scale = y.size, float(np.std(y))
+    row, q, limit = np.arange(n), scale * 10 ** rng.uniform(-1.5, 0.0), scale * rng.uniform(0.3, 1.5)
+    sound = {
+        "as it is": y,
+        "encoder": np.round(y / q) * q,
+        "converter": np.round((y / scale + 0.02 * rng.standard_normal(n)) / 0.01),
+        "clipped": np.clip(y, -limit, limit),
+        "dead zone": np.sign(y) * np.maximum(np.abs(y) - limit, 0.0),
+        "relay": np.sign(y),
+        "velocity of an encoder": np.diff(np.round(y / (0.01 * scale)), prepend=0.0),
+    }
+    if kind in sound:
+        return sound[kind]
+    fine = scale * 10 ** rng.uniform(-4, -2)
+    y = np.round(y / fine) * fine if rng.random() < 0.5 else y
+    last = {
+        "three of ten": np.floor(np.floor(row * 0.3 + 1e-9) / 0.3 + 1e-9),
+        "four of five": np.floor(np.floor(row * 0.8 + 1e-9) / 0.8 + 1e-9),
+        "one of five": row // 5 * 5,
+        "asynchronous": np.minimum(np.floor(np.floor(row / 3.7) * 3.7), n - 1),
+        "a fifth at random": np.maximum.accumulate(np.where(rng.random(n) < 0.2, 0, row)),
+        "most at random": np.maximum.accumulate(np.where(rng.random(n) < 0.6, 0, row)),
+    }[kind]
+    return y[last.astype(int)]
+
+
+def is_called_slow(kind: str, rng: np.random.Generator) -> bool:
+    """Return whether an output through such a sensor is called slower than the record."""
+    run = drawn_run(rng, n_periods=4)
+    y = drawn_sensor(kind, rng, run.y)
+    return repeated_share(y, run.u) > 0 or hold_factor(y) > 1
+
+
+def print_counts(count: dict[str, Counter[str]]) -> None:
+    """Print what became of the records of each kind."""
+    for kind, found in count.items():
+        print(f"{kind:34} {', '.join(f'{n} {what}' for what, n in found.most_common())}")
 
 
 def main() -> None:
@@ -142,15 +224,24 @@ def main() -> None:
     parser.add_argument("--records", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        count: dict[str, Counter[str]] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder, count = Path(name), {}
         for number in range(given.records):
-            kind, what = tried_direction(np.random.default_rng([given.seed, number]), Path(folder))
+            kind, what = tried_direction(np.random.default_rng([given.seed, number]), folder)
             count.setdefault(kind, Counter())[what] += 1
             if what == "wrong":
                 print(f"wrong without a word: number {number}, {kind}")
-    for kind in sorted(count):
-        print(f"{kind:32} {', '.join(f'{n} {what}' for what, n in count[kind].most_common())}")
+        print_counts(dict(sorted(count.items())))
+        each = max(1, given.records // 24)
+        for resample in (False, True):
+            print(f"\nclocks, resample={resample}")
+            for kind in (*SOUND_CLOCKS, *FAULTY_CLOCKS):
+                rngs = (np.random.default_rng([given.seed, 1, number]) for number in range(each))
+                print_counts({kind: Counter(tried_clock(kind, rng, folder, resample=resample) for rng in rngs)})
+    print("\nsensors that are called slow")
+    for kind in (*SOUND_SENSORS, *SLOW_SENSORS):
+        called = [is_called_slow(kind, np.random.default_rng([given.seed, 2, number])) for number in range(2 * each)]
+        print(f"{kind:34} {sum(called)} of {len(called)}")
 
 
 if __name__ == "__main__":

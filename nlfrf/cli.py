@@ -108,9 +108,9 @@ def design(
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     if inputs > 1 and crest is not None:
-        raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
+        raise ValueError(f"--crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
     if inputs <= 1 and (zippered or draws != 1):
-        raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
+        raise ValueError(f"--inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
     ms = nlfrf.multisine(
         kind,
         fs=fs,
@@ -195,7 +195,7 @@ def inspect(
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
     if picture is not None and len(file) > 1:
-        raise ValueError(f"plot must be of one file, got {len(file)}")
+        raise ValueError(f"--plot must be of one file, got {len(file)}")
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
     if picture is not None:
@@ -280,7 +280,7 @@ def identify(
     if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
         if opinion:
             raise ValueError(
-                f"opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
+                f"--opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
             )
         u, y = inputs if input else None, outputs if input or output else None
         record = with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), split_names(units or []))
@@ -407,12 +407,12 @@ def design_for_drive(
             found, states = nlfrf.axis.find_levels(records, played), ("sticks", "bends", "slides")
             if level not in states or found.reason:
                 raise ValueError(
-                    found.reason or f"level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
+                    found.reason or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
                 )
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     if ramp and (velocity or strokes or realizations != 1):
-        raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
+        raise ValueError("--ramp must be left out in motion, and for several realisations, got it with one of them")
     fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
     ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
     motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes)
@@ -607,10 +607,10 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
     if not units:
         return record
     if len(units) != len(names):
-        raise ValueError(f"units must be one for each of {', '.join(names)}, got {', '.join(units)}")
+        raise ValueError(f"--units must be one for each of {', '.join(names)}, got {', '.join(units)}")
     for name, known, unit in zip(names, stated, units, strict=True):
         if known not in ("", unit):
-            raise ValueError(f"units must be those of the file, which has {known} for {name}, got {unit}")
+            raise ValueError(f"--units must be those of the file, which has {known} for {name}, got {unit}")
     n = record.n_inputs
     return replace(record, input_units=tuple(units[:n]), output_units=tuple(units[n:]))
 
@@ -618,7 +618,7 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
 def with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
     """Return records of one input and an output each with the unit of the input, and of each output in turn."""
     if len(units) != len(records) + 1:
-        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
+        raise ValueError(f"--units must be one for the input and one for each output, got {', '.join(units)}")
     return [with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
 
 
@@ -628,7 +628,7 @@ def output_paths(out: Path, outputs: list[str]) -> list[Path]:
     targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
         raise ValueError(
-            f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
+            f"--output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
             f"{', '.join(target.name for target in dict.fromkeys(targets))}"
         )
     return targets

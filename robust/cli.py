@@ -230,12 +230,12 @@ def design(
     """
     json_path(out)
     method = method.lower()
-    require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
+    require_choice("--method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
     for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t)):
         if given and method != "pid":
-            raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
+            raise ValueError(f"--{option} must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
         plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
@@ -743,11 +743,11 @@ def synthesise(
 ) -> tuple[robust.UncertaintyModel, robust.Design]:
     """Return a model from its file and its controller by H-infinity; peak, error and factor are the demands."""
     if bandwidth is None:
-        raise ValueError(f"bandwidth must be given [Hz] for {method}")
+        raise ValueError(f"--bandwidth must be given [Hz] for {method}")
     plant, (peak, error, factor) = models.load_model(model), demands
     if delay and not plant.is_single and plant.nominal.dt:
         raise ValueError(
-            f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
+            f"--delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
         )
     if plant.measured_only:
         raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
@@ -757,7 +757,7 @@ def synthesise(
     else:
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
-            raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
+            raise ValueError(f"--sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
         G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=PADE_ORDER)
         found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
     if not found.met:
@@ -800,9 +800,9 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
 
 def require_demand(bandwidth: float | None, error: float) -> None:
     """Refuse a demand on S by the names and in the units of its options."""
-    require_positive("error", error)
+    require_positive("--error", error)
     if bandwidth is not None:
-        require_positive("bandwidth", bandwidth)
+        require_positive("--bandwidth", bandwidth)
 
 
 def main() -> None:

@@ -125,7 +125,8 @@ class FileContents:
         words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
         words += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         words += ["--reference", shlex.quote(quote_name(self.reference))] if self.reference else []
-        fs = {channel.name: channel.fs for channel in self.channels}.get(self.u or self.y, np.nan)
+        rates = {channel.name: channel.fs for channel in self.channels}
+        fs = rates.get(self.u, max(rates.values(), default=np.nan, key=np.isfinite))
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
         sizes = {channel.name: channel.n for channel in self.channels}
         if sizes.get(self.u, max(sizes.values(), default=0)) < 2 * self.period or (self.u and not self.period):
