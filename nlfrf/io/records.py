@@ -269,12 +269,19 @@ def even_out(
     """
     for m, seconds in enumerate(times):
         found = None if find_lost_rows(seconds, fs) else find_uneven_clock(seconds, fs)
+        if found is not None and {group[m].shape[-1] for group in groups} == {found.seconds.size}:
+            # rows at the ends that lack a channel are left out
+            held = np.logical_and.reduce(
+                [np.isfinite(group[m]).all(axis=tuple(range(group[m].ndim - 1))) for group in groups]
+            )
+            first, last = np.flatnonzero(held)[[0, -1]] if held.any() else (0, held.size - 1)
+            found = find_uneven_clock(found.seconds[first : last + 1], fs)
         if found is None:
             continue
         described = f"{Path(paths[m]).name!r}: {found.describe()}"
         if resample:
             for group in groups:
-                group[m] = found.filled(group[m])
+                group[m] = found.filled(group[m][..., first : last + 1])
             times[m], fs = None, found.fs
             data_warning(f"{described}; its rows were put on an even clock of {fs:g} Hz by a cubic spline")
         elif given:

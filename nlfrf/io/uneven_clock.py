@@ -10,14 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.arguments import format_count
-from nlfrf._base.numbers import iterate_blocks
 from nlfrf._base.values import value
 
-N_ROWS, N_PARTS = 4096, 64  # rows that show whether the clock wanders, in so many parts of the record
-MAX_WANDER = 0.5  # of a sample: further from the line for good, rows are not those of an even clock
-MIN_SLOPE = 1e-3  # change of rate from part to part: quartz clocks differ, and drift, by a tenth of it at most
-ODD_STEP, WINDOW = 0.25, 8  # of a sample: a step that may move all later rows; rows on either side that show whether
-MAX_ODD_SHARE = 0.3  # of the steps: with more the rate is what varies
+N_PARTS, PART_ROWS = 64, 64  # parts of a record whose rows show whether the clock wanders, and the rows of each
+DRIFT_ORDER = 3  # of the polynomial by which two quartz clocks may drift against each other
+MAX_WANDER = 0.5  # of a sample: further from it for good, rows are not those of an even clock
+USUAL_STEP = 0.25  # share by which a usual step may be longer or shorter than their median
 MAX_NAMED = 3  # places that a message names
 
 
@@ -32,7 +30,7 @@ class UnevenClock:
     fs : float
         Sampling frequency of the usual steps [Hz].
     rows : (k,) ndarray of int
-        Rows from which on the time leaves the line of the rows before.
+        Rows at which the time begins to leave the usual steps.
     """
 
     seconds: np.ndarray
@@ -69,49 +67,31 @@ class UnevenClock:
 
 
 def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | None:
-    """Return where a time column leaves an even clock for good; None where it does not, or has no usual step.
+    """Return where a time column leaves an even clock for good; None where it does not.
 
     Parameters
     ----------
     seconds : (n,) ndarray, optional
         The time of each row [s].
     fs : float
-        Sampling frequency by its mean step [Hz].
+        Sampling frequency by its mean step [Hz]; 0 or nan where it has none.
     """
-    if seconds is None or seconds.size < 4 * WINDOW or not fs > 0 or not np.isfinite(seconds).all():
+    if seconds is None or seconds.size < N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
-    step = float(np.polyfit(ends := np.linspace(0, n - 1, min(n, N_ROWS)).astype(int), seconds[ends], 1)[0])
-    if not step > 0:
-        return None
-
-    def offset(rows: np.ndarray) -> np.ndarray:
-        return np.asarray((seconds[rows] - seconds[0]) / step - rows)
-
-    odd, n_moving = [], 1
-    for some in iterate_blocks(n - 1):
-        steps = np.diff(seconds[some.start : some.stop + 1])
-        n_moving += int(np.count_nonzero(steps))
-        odd.append(np.flatnonzero(np.abs(steps / step - 1) > ODD_STEP) + some.start + 1)
-    candidates = np.concatenate(odd)
-    leaving = np.zeros(0, dtype=int)
-    if candidates.size < MAX_ODD_SHARE * n:
-        inside = candidates[(candidates >= WINDOW) & (candidates <= n - WINDOW)]
-        sides = offset(inside[:, None] + np.arange(-WINDOW, WINDOW)).reshape(-1, 2, WINDOW)
-        shift = np.abs(np.diff(np.median(sides, axis=2), axis=1)[:, 0])
-        leaving = inside[shift > np.maximum(MAX_WANDER, np.ptp(sides, axis=2).max(axis=1))]
-        leaving = leaving[np.diff(leaving, prepend=-n) > WINDOW]
-    if not leaving.size:  # of times that are printed coarsely several are in each part
-        size = min(n, max(N_ROWS // N_PARTS, WINDOW * (n // n_moving + 1)))
-        starts = np.linspace(0, n - size, N_PARTS).astype(int)
-        places = offset(starts[:, None] + np.arange(size))
-        middle, scatter = np.median(places, axis=1), float(np.median(np.ptp(places, axis=1)))
-        change = np.abs(np.diff(middle)) > MIN_SLOPE * np.diff(starts)
-        if np.ptp(middle) > max(MAX_WANDER, scatter) and change.any():
-            leaving = starts[1:][change][:1]
-    if not leaving.size:
+    n_equal = n // (1 + np.count_nonzero(seconds[1:] != seconds[:-1])) + 1  # where times are printed coarsely
+    size = min(n // 2, max(PART_ROWS, 8 * n_equal))
+    starts = np.linspace(0, n - size, N_PARTS).astype(int)
+    rows = starts[:, None] + np.arange(size)
+    places = (seconds[rows] - seconds[0]) * fs - rows
+    middle, scatter = np.median(places, axis=1), float(np.median(np.ptp(places, axis=1)))
+    drift = np.polynomial.Polynomial.fit(starts, middle, DRIFT_ORDER)
+    wander = middle - drift(starts)
+    if np.ptp(wander) <= max(MAX_WANDER, scatter):
         return None
     steps = np.diff(seconds)
     usual = float(np.median(steps[steps > 0]))
-    usual = float(np.mean(steps[np.abs(steps - usual) < ODD_STEP * usual]))
-    return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=leaving)
+    usual = float(np.mean(steps[np.abs(steps - usual) < USUAL_STEP * usual]))
+    odd = np.flatnonzero(np.abs(steps - usual) > USUAL_STEP * usual) + 1
+    odd = odd[np.diff(odd, prepend=-1) > 1] if odd.size else starts[[np.argmax(np.abs(np.diff(wander)))]]
+    return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=odd)
