@@ -14,7 +14,8 @@ import numpy as np
 from nlfrf.records.excited_lines import SIGNIFICANCE, line_powers, lines_from_powers
 from nlfrf.signals.lines import LineGrid, detection_lines
 
-UNEVEN, EVEN = 3.0, 0.5  # dB: standard deviation of lines above which a signal is no multisine of one level, or below
+EVEN, MIN_UNEVEN = 0.5, 1.0  # dB: standard deviation of lines of one level at most, and of others at least
+MIN_SPREAD_RATIO = 6.0  # of others to that of lines of one level
 MAX_DIRT_RATIO = 0.1  # of what stands between the lines of the other signal: of one that was played
 EMPTY, FULL = 1e-6, 0.5  # of the power of the lines beside it: a detection line without power, and one like any other
 MIN_LINES = 6  # below which lines are even, or those between them empty, by chance
@@ -49,7 +50,7 @@ class SignalLines(NamedTuple):
     @property
     def is_clean(self) -> bool:
         """Whether nothing speaks against it as what was played: its lines are of one level, and those between empty."""
-        return bool(self.spread < UNEVEN and not self.emptiness > EMPTY)
+        return bool(self.spread < MIN_UNEVEN and not self.emptiness > EMPTY)
 
     @property
     def is_one_period(self) -> bool:
@@ -71,7 +72,7 @@ def find_signal_lines(periods: np.ndarray) -> SignalLines:
     grid = lines_from_powers(power, noise)
     steps = np.abs(np.diff(periods[0, -1]))
     quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
-    noise = noise + quantum**2 / (3 * periods.shape[-1])
+    noise = noise + quantum**2 * periods.shape[-1] / 12
     excited = grid.excited - 1
     if excited.size < MIN_LINES:
         return SignalLines(power, noise, grid, np.inf, np.inf)
@@ -99,7 +100,7 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
 
 def compare_levels(played: SignalLines, other: SignalLines) -> bool:
     """Return whether the lines of one signal are of one level and those of the other are not."""
-    return played.spread < EVEN and other.spread > UNEVEN
+    return played.spread < EVEN and other.spread > max(MIN_UNEVEN, MIN_SPREAD_RATIO * played.spread)
 
 
 def describe_played(played: SignalLines, other: SignalLines | None) -> str:

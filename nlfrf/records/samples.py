@@ -35,7 +35,13 @@ from nlfrf.records.screening.input import (
     warn_about_channel,
 )
 from nlfrf.records.screening.output import align_output, resample_to_input_clock
-from nlfrf.records.screening.stream import excited_span, unwrap_position, warn_of_hits, warn_of_outliers
+from nlfrf.records.screening.stream import (
+    excited_span,
+    find_outliers,
+    unwrap_position,
+    warn_of_hits,
+    warn_of_outliers,
+)
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
@@ -283,6 +289,7 @@ def records_from_streams(
         for name, signal in check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
+    pairs = {} if named else labels  # of several inputs an output may have less between its lines than their sum
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:
@@ -290,10 +297,10 @@ def records_from_streams(
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
-        with add_swap_hint(streams, labels):
+        with add_swap_hint(streams, pairs):
             n_samples = rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
-    screen_outputs(streams, n_samples=n_samples, fs=fs)
+    has_outliers = screen_outputs(streams, n_samples=n_samples, fs=fs)
     if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
@@ -301,7 +308,8 @@ def records_from_streams(
         )
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     del streams
-    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
+    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs)
+    cut = leave_out_outliers(cut) if has_outliers else cut
     if design is not None:
         cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
@@ -311,11 +319,22 @@ def records_from_streams(
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
 
 
-def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> None:
-    """`warn_of_outliers` of every output in every realisation."""
-    for name in output_names(streams):
-        for u, y in zip(streams["u"], streams[name], strict=True):
-            warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs)
+def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
+    """`warn_of_outliers` of every output in every realisation; return whether there are any."""
+    pairs = [(name, u, y) for name in output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
+    return sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
+
+
+def leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Leave out the periods of signals (M, P, N) in which an output has outliers, where half of all are left."""
+    _, n_periods, n_samples = cut["u"].shape
+    good = np.ones(n_periods, dtype=bool)
+    for name in output_names(cut):
+        for u, y in zip(cut["u"], cut[name], strict=True):
+            good[find_outliers(y.ravel(), u.ravel(), n_samples)[0] // n_samples] = False
+    if good.all() or 2 * np.count_nonzero(good) < n_periods:
+        return cut
+    return {name: signal[:, good] for name, signal in cut.items()}
 
 
 def cut_periods(
@@ -554,7 +573,7 @@ def warn_of_other_rates(streams: Streams, fs: float) -> None:
 
 def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
     """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
-    if "r" in cut:
+    if "r" in cut or not labels:
         return
     message = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
@@ -578,7 +597,11 @@ def add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Itera
     try:
         yield
     except ValueError as error:
-        found = "" if "r" in streams else describe_swap(lines_of_first_periods(streams), output_names(streams), labels)
+        found = (
+            ""
+            if "r" in streams or not labels
+            else describe_swap(lines_of_first_periods(streams), output_names(streams), labels)
+        )
         if not found:
             raise
         raise ValueError(f"{found}; so far {error}") from None
