@@ -79,7 +79,7 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     if seconds is None or seconds.size < N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
-    n_equal = n // (1 + np.count_nonzero(seconds[1:] != seconds[:-1])) + 1  # where times are printed coarsely
+    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # where times are printed coarsely
     size = min(n // 2, max(PART_ROWS, 8 * n_equal))
     starts = np.linspace(0, n - size, N_PARTS).astype(int)
     rows = starts[:, None] + np.arange(size)
