@@ -144,10 +144,10 @@ def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
 
 
 def shows_played(one: SignalLines, other: SignalLines) -> bool:
-    """Return whether one signal was played rather than another, by what stands between their lines, else by levels."""
+    """Return whether one signal was played and not another: it is clean between its lines, of one level, or exact."""
     if compare_detection_lines(other, one):
         return False
-    return bool(compare_detection_lines(one, other) or compare_levels(one, other))
+    return bool(compare_detection_lines(one, other) or compare_levels(one, other) or one.is_exact > other.is_exact)
 
 
 def rank_by_name(name: str) -> Rank:

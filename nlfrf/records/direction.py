@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf._base.numbers import has_equal_periods
 from nlfrf.records.excited_lines import SIGNIFICANCE, line_powers, lines_from_powers
 from nlfrf.signals.lines import LineGrid, detection_lines
 
@@ -26,7 +27,7 @@ class SignalLines(NamedTuple):
     """The lines of a periodic signal, found in itself.
 
     Fields: (K,) power of the lines 1 to K, and its variance by noise; the grid; standard deviation of the excited lines
-    [dB]; share of the power inside the band that is in no excited line.
+    [dB]; share of the power inside the band that is in no excited line; whether its periods are equal.
     """
 
     power: np.ndarray
@@ -34,6 +35,7 @@ class SignalLines(NamedTuple):
     grid: LineGrid
     spread: float
     dirt: float
+    is_exact: bool
 
     def between(self, excited: np.ndarray, detection: np.ndarray) -> np.ndarray:
         """Return the power of detection lines over that of the excited lines beside each of them."""
@@ -70,14 +72,16 @@ def find_signal_lines(periods: np.ndarray) -> SignalLines:
     """
     power, noise = line_powers(periods)
     grid = lines_from_powers(power, noise)
+    is_exact = periods.shape[1] > 1 and has_equal_periods(periods)
     steps = np.abs(np.diff(periods[0, -1]))
     quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
     noise = noise + quantum**2 * periods.shape[-1] / 12
     excited = grid.excited - 1
     if excited.size < MIN_LINES:
-        return SignalLines(power, noise, grid, np.inf, np.inf)
+        return SignalLines(power, noise, grid, np.inf, np.inf, is_exact)
     spread = float(np.std(10 * np.log10(np.maximum(power[excited], 1e-300))))
-    return SignalLines(power, noise, grid, spread, float(1 - power[excited].sum() / power[: excited[-1] + 1].sum()))
+    dirt = float(1 - power[excited].sum() / power[: excited[-1] + 1].sum())
+    return SignalLines(power, noise, grid, spread, dirt, is_exact)
 
 
 def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
