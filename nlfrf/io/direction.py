@@ -135,7 +135,8 @@ def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     quantity = bare_name(u)
     u = next((name for name in lines if name != u and SET_POINT.sub("", bare_name(name)) == quantity), u)
     for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
-        if ranks[name] > first and (found := describe_played(one, lines[u])):
+        level = f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
+        if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
             return "", (
                 f"by names {u} is the input, but the multisine is found in {name}, {found}: {name} was played, or the "
                 "reference of a closed loop is missing"
