@@ -54,6 +54,7 @@ COMMANDS = (
     "attack_tune --designs 60",
     "level_of_loop --seeds 2",
     "mispaired",
+    "records_as_found --records 120",
     "hum --plants 24",
     "unequal_experiments",
     "fuzz_loaders --files 100",

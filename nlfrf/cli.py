@@ -109,9 +109,9 @@ def design(
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     if inputs > 1 and crest is not None:
-        raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
+        raise ValueError(f"--crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
     if inputs <= 1 and (zippered or draws != 1):
-        raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
+        raise ValueError(f"--inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
     ms = nlfrf.multisine(
         kind,
         fs=fs,
@@ -196,7 +196,7 @@ def inspect(
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
     if picture is not None and len(file) > 1:
-        raise ValueError(f"plot must be of one file, got {len(file)}")
+        raise ValueError(f"--plot must be of one file, got {len(file)}")
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
     if picture is not None:
@@ -238,8 +238,15 @@ def identify(
     period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
     resample: Annotated[
-        bool, typer.Option("--resample", help="Cut the periods where the input shows they are.")
+        bool, typer.Option("--resample", help="Cut the periods where the input shows they are, on an even clock.")
     ] = False,
+    start: Annotated[
+        list[float] | None,
+        typer.Option(help="Cut out of each file from here [s after its first row]; may be repeated."),
+    ] = None,
+    stop: Annotated[
+        list[float] | None, typer.Option(help="Cut up to here; each --start with its --stop is a realisation.")
+    ] = None,
     transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
     level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
@@ -267,19 +274,22 @@ def identify(
         "resample": resample,
         "design": design,
         "hold": hold,
+        "start": start,
+        "stop": stop,
     }
     kind = stated_kind(file[0], file[0].suffix.lower()) if input is None else None
     if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
         if opinion:
             raise ValueError(
-                f"opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
+                f"--opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
             )
         u, y = inputs if input else None, outputs if input or output else None
         record = with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), split_names(units or []))
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        given = {"period": period, "discard": discard, "resample": resample, "reference": references}
+        given: dict[str, object] = {"period": period, "discard": discard, "resample": resample}
+        given |= {"reference": references, "start": start, "stop": stop}
         require_left_out({**given, "opinion": opinion, "units": units})
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
@@ -403,12 +413,12 @@ def design_for_drive(
             found, states = nlfrf.axis.find_levels(records, played), ("sticks", "bends", "slides")
             if level not in states or found.reason:
                 raise ValueError(
-                    found.reason or f"level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
+                    found.reason or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
                 )
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     if ramp and (velocity or strokes or realizations != 1):
-        raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
+        raise ValueError("--ramp must be left out in motion, and for several realisations, got it with one of them")
     fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
     ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
     motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes)
@@ -603,10 +613,10 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
     if not units:
         return record
     if len(units) != len(names):
-        raise ValueError(f"units must be one for each of {', '.join(names)}, got {', '.join(units)}")
+        raise ValueError(f"--units must be one for each of {', '.join(names)}, got {', '.join(units)}")
     for name, known, unit in zip(names, stated, units, strict=True):
         if known not in ("", unit):
-            raise ValueError(f"units must be those of the file, which has {known} for {name}, got {unit}")
+            raise ValueError(f"--units must be those of the file, which has {known} for {name}, got {unit}")
     n = record.n_inputs
     return replace(record, input_units=tuple(units[:n]), output_units=tuple(units[n:]))
 
@@ -614,7 +624,7 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
 def with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
     """Return records of one input and an output each with the unit of the input, and of each output in turn."""
     if len(units) != len(records) + 1:
-        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
+        raise ValueError(f"--units must be one for the input and one for each output, got {', '.join(units)}")
     return [with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
 
 
@@ -624,7 +634,7 @@ def output_paths(out: Path, outputs: list[str]) -> list[Path]:
     targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
         raise ValueError(
-            f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
+            f"--output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
             f"{', '.join(target.name for target in dict.fromkeys(targets))}"
         )
     return targets

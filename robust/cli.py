@@ -251,7 +251,8 @@ def design(
     where the FRF leaves open whether the loop is stable, with what would decide it.
     """
     json_path(out)
-    require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
+    method = method.lower()
+    require_choice("--method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
     for option, given in (
@@ -261,7 +262,7 @@ def design(
         ("plant-integrators", plant_integrators),
     ):
         if given is not None and given is not False and method != "pid":
-            raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
+            raise ValueError(f"--{option} must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
         plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
@@ -528,6 +529,9 @@ def report(
     output: Annotated[
         str | None, typer.Option("--output", help="Name of the output in the record; that of the model when not given.")
     ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option(help="Name of the reference in the record; may be repeated, one for each input.")
+    ] = None,
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
@@ -562,6 +566,7 @@ def report(
         nlfrf.load_record,
         u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
         y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
+        r=(reference[0] if plant.is_single else reference) if reference else None,
         fs=fs,
         n_samples=period,
         n_discard=discard,
@@ -780,11 +785,11 @@ def synthesise(
 ) -> tuple[robust.UncertaintyModel, robust.Design]:
     """Return a model from its file and its controller by H-infinity; peak, error and factor are the demands."""
     if bandwidth is None:
-        raise ValueError(f"bandwidth must be given [Hz] for {method}")
+        raise ValueError(f"--bandwidth must be given [Hz] for {method}")
     plant, (peak, error, factor) = models.load_model(model), demands
     if delay and not plant.is_single and plant.nominal.dt:
         raise ValueError(
-            f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
+            f"--delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
         )
     if plant.measured_only:
         raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
@@ -794,7 +799,7 @@ def synthesise(
     else:
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
-            raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
+            raise ValueError(f"--sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
         G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=PADE_ORDER)
         found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
     if not found.met:
@@ -835,9 +840,9 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
 
 def require_demand(bandwidth: float | None, error: float) -> None:
     """Refuse a demand on S by the names and in the units of its options."""
-    require_positive("error", error)
+    require_positive("--error", error)
     if bandwidth is not None:
-        require_positive("bandwidth", bandwidth)
+        require_positive("--bandwidth", bandwidth)
 
 
 def main() -> None:

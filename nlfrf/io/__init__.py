@@ -2,6 +2,7 @@
 
 channels        the named channels inside such a file, by the reader of its kind
 designs         multisines, and the signals to play
+direction       which channels are input, output and reference, and their period
 frf_tables      FRFs in files of analysers and Bode plotters
 inspection      what such a file holds, and a guess at how to load it
 moments         whether channels were sampled at the same moments
@@ -11,6 +12,7 @@ records         records, from any measurement file
 results         `Bla` and tables
 stored_records  records written to a file, and read back
 stored_values   any value of this package, field by field, with its schema and version
+uneven_clock    time columns whose steps vary, and their rows on an even clock
 """
 
 import lazy_loader

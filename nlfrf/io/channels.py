@@ -38,6 +38,7 @@ from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
+MAX_DRIVE_RATE = 2e4  # Hz: a variable without a unit that is no faster in milliseconds may well be in them
 #: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
 UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
 MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
@@ -209,7 +210,7 @@ class Channels:
         fs, where = next(iter(found.values()), (0.0, ""))
         if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
             step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
-            fs = 0.0 if given else warn_of_unit(step, fs)
+            fs = 0.0 if given else warn_of_unit(step, fs, unlikely=MAX_DRIVE_RATE / 1e3)
         return fs, where
 
     def stated_clocks(self, clocks: Mapping[str, float | str], known: bool) -> dict[str, tuple[float, str]]:
@@ -244,7 +245,8 @@ class Channels:
                 "first is used, give fs if it is not the one"
             )
         elif scalar.is_doubtful:
-            warn_of_unit(f"the sampling time {scalar.name!r} names no unit and is {1 / scalar.fs:g}", scalar.fs)
+            step = f"the sampling time {scalar.name!r} names no unit and is {1 / scalar.fs:g}"
+            warn_of_unit(step, scalar.fs, unlikely=MAX_DRIVE_RATE / 1e3)
         return {"": (scalar.fs, scalar.name)}
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
@@ -356,13 +358,13 @@ def agrees_in_some_unit(fs: float, known: float) -> bool:
     return any(abs(factor * fs - known) <= MAX_TIME_DIFFERENCE * known for factor in UNSTATED_UNITS.values())
 
 
-def warn_of_unit(step: str, fs: float) -> float:
-    """Warn of a step without a unit and return its sampling frequency, or refuse one that is hardly in seconds.
+def warn_of_unit(step: str, fs: float, *, unlikely: float = UNLIKELY) -> float:
+    """Warn of a step without a unit and return its sampling frequency, or refuse one that may not be in seconds.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
     listing = f"{step}: {join_names([f'{factor * fs:g} Hz if {unit}' for unit, factor in UNSTATED_UNITS.items()])}"
-    if fs <= UNLIKELY:
+    if fs <= unlikely:
         raise ValueError(f"fs must be given: {listing}")
     data_warning(f"{listing}; seconds are taken, give fs if they are not")
     return fs
@@ -454,6 +456,11 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         return read_compressed(path)
     arrays, units, clocks, notes = read_contents(path, suffix, reader_of_suffix(path, suffix))
     arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
+    for name, array in arrays.items():
+        if array.dtype.kind in "Mm" and array.size > 1:  # moments of numpy and pandas are a clock by their type
+            arrays[name] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s")
+            units[name] = "s"
+            clocks.setdefault("", name)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
         listing = "; ".join(f"{name!r} {why}" for name, why in notes.items())

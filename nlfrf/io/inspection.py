@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import warnings
 from collections.abc import Sequence
@@ -17,36 +16,28 @@ from nlfrf._base.arguments import format_count, label_with_unit
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.direction import (
+    MAX_CANDIDATES,
+    WHOLE_TOLERANCE,
+    Direction,
+    choose_output,
+    find_direction,
+    is_set_point,
+)
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import find_lost_rows
+from nlfrf.io.records import LostRows, find_lost_rows, merge_alternating_rows, unfold_periods
 from nlfrf.io.results import value_in
-from nlfrf.records.excited_lines import detect_lines
-from nlfrf.records.period import detect_period
+from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
 from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-INPUT_NAMES = re.compile(
-    r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
-    re.I,
-)
-OUTPUT_NAMES = re.compile(
-    r"y\d*|out(put)?\d*|x\d*|theta.*|"
-    r".*(pos|weg|lage|drehz|geschw|angle|winkel|acc|beschl|vel|speed|disp|response|meas|enc(?![ey])|ist(?![a-z])).*|"
-    r"(.*[^a-z])?ist.*",  # the actual value, in German; the conditions leave out "reference" and "distance"
-    re.I,
-)
-SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
-SET_POINT = re.compile(rf"[ _.]*(?:{SET_WORDS})$|(?<![a-z])(?:{SET_WORDS})(?![a-z])[ _.]*", re.I)
 MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
 MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
-MAX_CANDIDATES = 12  # channels whose spectra are looked at
-#: What `guess_input` finds where there is none, and why a channel is no candidate.
-NO_INPUT = "", 0.0, "no channel repeats", ""
+#: Why a channel is no candidate.
 PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
-WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
 
 
 class Channel(NamedTuple):
@@ -83,7 +74,11 @@ class FileContents:
     schema : str
         What this package wrote, empty for a file of others.
     lost : str
-        Rows that are missing by the time column, and the periods that are whole all the same; empty where none is.
+        Rows that are missing by the time column, and the periods that are whole all the same; or how its steps vary.
+    uneven : bool
+        Whether its rows belong to no even clock, and have to be put on one.
+    doubt : str
+        Why no input is proposed where a period was found.
     frf : str
         Of a file with FRFs what they are and what they lack; empty for others.
     frf_options : tuple of str
@@ -110,14 +105,16 @@ class FileContents:
     lines: str
     schema: str
     lost: str = ""
+    uneven: bool = False
     reference: str = ""
+    doubt: str = ""
     frf: str = ""
     frf_options: tuple[str, ...] = ()
 
     @property
     def command(self) -> str:
         """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
-        if self.frf and not self.u:
+        if self.frf and not self.period:
             out = escape_dash(Path(self.path).stem + "-model.json")
             return shlex.join(["robust", "model", escape_dash(self.path), *self.frf_options, "-o", out])
         out = f"-o {shlex.quote(escape_dash(Path(self.path).stem + '-bla.npz'))}"
@@ -128,9 +125,13 @@ class FileContents:
         words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
         words += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         words += ["--reference", shlex.quote(quote_name(self.reference))] if self.reference else []
-        fs = {channel.name: channel.fs for channel in self.channels}.get(self.u or self.y, np.nan)
+        rates = {channel.name: channel.fs for channel in self.channels}
+        fs = rates.get(self.u, max(rates.values(), default=np.nan, key=np.isfinite))
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
-        words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
+        sizes = {channel.name: channel.n for channel in self.channels}
+        if sizes.get(self.u, max(sizes.values(), default=0)) < 2 * self.period or (self.u and not self.period):
+            words += ["--period", f"{self.period:.0f}" if self.period else "SAMPLES"]
+        words += ["--resample"] if self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
         return " ".join([*words, out])
 
     def __str__(self) -> str:
@@ -142,8 +143,10 @@ class FileContents:
             return "\n".join([*lines, f"run:   {self.command}"] if self.channels else lines)
         lines += [self.frf] if self.frf else []
         if self.lost:
-            lines.append(f"lost:  {self.lost}")
-        if self.u or self.y:
+            lines.append(f"{'clock: ' if self.uneven else 'lost:  '}{self.lost}")
+        if self.doubt:
+            lines.append(f"guess: none, {self.doubt}; {self.lines}")
+        elif self.u:
             reference = f", reference {self.reference}" if self.reference else ""
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}")
             if not is_set_point(self.u):
@@ -193,8 +196,8 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     Returns
     -------
     FileContents
-        Printed, a table with the command to run. The guess goes by names, then by spectra: the input is the channel
-        whose lines are the most even.
+        Printed, a table with the command to run. The guess goes by names, then by lines: a machine adds to what stands
+        between them, so the input is the channel where it is empty.
 
     Raises
     ------
@@ -220,6 +223,10 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         file = read_channels(path)
         if file.text("schema"):
             return own_contents(file)
+        gaps = [name for name in file.signals if not np.isfinite(file.arrays[name][:2]).all()]
+        file = merge_alternating_rows(file, gaps)
+        for name in [name for name in file.signals if file.arrays[name].ndim == 2]:
+            file = unfold_periods(file, [name])[0]
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(
@@ -231,24 +238,27 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     candidates, progressive = split_moving(file, streams)
-    rows = {name: find_lost_rows(file.seconds(name), known_rate(file, name)) for name in candidates}
+    rows = {name: find_rows_off(file.seconds(name), known_rate(file, name)) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
-    guesses = (guess_input(file, together) for together in group_by_length(filled))
-    u, period, lines, reference = next((one for one in guesses if one[0]), NO_INPUT)
-    lost = rows.get(u)
+    groups = group_by_length(filled)
+    guesses = [find_direction(together, lambda name: known_rate(file, name)) for together in groups]
+    guess = next((one for one in guesses if one.period), next((one for one in guesses if one.u), Direction()))
+    lost = rows.get(guess.u)
     return FileContents(
         path=str(path),
         channels=channels,
         notes=dict.fromkeys(progressive, PROGRESSIVE) | dict(file.notes),
-        u=u,
-        y=guess_output(u, candidates if u else next(iter(group_by_length(candidates)), {})),
-        period=period,
-        lines=lines,
+        u=guess.u,
+        y=choose_output(guess.u, candidates) if guess.u else "",
+        period=guess.period,
+        lines=guess.lines,
         schema="",
-        lost="" if lost is None else lost.describe(round(period)),
-        reference=reference,
+        lost="" if lost is None else lost.describe(round(guess.period)),
+        uneven=isinstance(lost, UnevenClock),
+        reference=guess.reference,
+        doubt=guess.doubt,
         frf=frf,
         frf_options=frf_options,
     )
@@ -363,6 +373,11 @@ def describe_extent(content: Record | Multisine) -> str:
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
 
 
+def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClock | None:
+    """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
+    return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
+
+
 def is_varying(stream: np.ndarray) -> bool:
     """Return whether a stream of numbers or truth values moves, and all of it is finite."""
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
@@ -407,68 +422,3 @@ def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndar
         for size in sizes
         if MIN_LENGTH_RATIO * size >= sizes[0]
     ]
-
-
-def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str, str]:
-    """Return the input, its period in samples, what is excited, in words, and a reference that repeats with it."""
-    found: dict[str, tuple[float, float, str]] = {}
-    likely = sorted(candidates, key=lambda name: not (INPUT_NAMES.fullmatch(bare_name(name)) or is_set_point(name)))[
-        :MAX_CANDIDATES
-    ]
-    for name in (name for name in candidates if name in likely):
-        x = np.asarray(candidates[name], dtype=float)
-        try:
-            period = detect_period(x)
-            n = round(period)
-            u = x[: x.size // n * n].reshape(1, -1, n)
-            excited = detect_lines(u).excited
-        except (ValueError, ZeroDivisionError):
-            continue
-        spectrum = np.abs(np.fft.rfft(u.mean(axis=1)[0]))[excited]
-        uneven = float(np.std(20 * np.log10(spectrum))) if excited.size > 1 else np.inf
-        period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
-        fs = known_rate(file, name)
-        lasts = "" if np.isnan(fs) else f" ({period / fs:.4g} s)"
-        band = "" if np.isnan(fs) else f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
-        description = f"period {period:.6g} samples{lasts}, {x.size // n} periods; {format_count(excited.size, 'line')}"
-        description += band
-        found[name] = uneven, period, description
-    if not found:
-        return NO_INPUT
-    best = min(
-        found,
-        key=lambda name: (
-            not INPUT_NAMES.fullmatch(bare_name(name)),
-            bool(OUTPUT_NAMES.fullmatch(bare_name(name))),
-            found[name][0],
-        ),
-    )
-    commanded = [name for name in found if is_set_point(name) and SET_POINT.sub("", bare_name(name)) == bare_name(best)]
-    best = commanded[0] if commanded else best
-    _, period, description = found.pop(best)
-    references = [name for name in found if is_set_point(name) and abs(found[name][1] - period) <= WHOLE_TOLERANCE]
-    return best, period, description, min(references, key=lambda name: found[name][0], default="")
-
-
-def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
-    """The first channel called like an output, else the first that is not called like an input; never a set point."""
-    others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
-    ranked = sorted(
-        (name for name in others if not is_set_point(name)),
-        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), bool(INPUT_NAMES.fullmatch(bare_name(name)))),
-    )
-    return ranked[0] if ranked else ""
-
-
-def is_set_point(name: str) -> bool:
-    """Return whether a channel is called a set point, which a sampled drive or controller holds over each period.
-
-    >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
-    [True, True, True, False]
-    """
-    return bool(SET_POINT.search(bare_name(name)))
-
-
-def bare_name(name: str) -> str:
-    """Return a name without its unit and the structs around it."""
-    return UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1].strip()

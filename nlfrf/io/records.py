@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypedDict, Unpack, overload
 
@@ -23,12 +24,16 @@ from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design
 from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
-from nlfrf.records.period import detect_period
+from nlfrf.io.uneven_clock import find_uneven_clock
+from nlfrf.records.period import detect_period, is_repeated
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import design_period
 from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
+
+Path_ = str | os.PathLike[str]
+Seconds = float | Sequence[float] | None
 
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
@@ -50,6 +55,7 @@ MAX_UNEVENNESS = (
 )
 WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of samples is none
 MAX_NAMED = 3  # jumps that a message names
+MAX_LOST_SHARE = 0.05  # of the rows: where time jumps at more, its rate varies
 
 
 @value(in_sentences=True)
@@ -141,11 +147,148 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
         not np.isfinite(steps).all()
         or whole.min() < 1
         or whole.max() == 1
+        or np.count_nonzero(whole > 1) > MAX_LOST_SHARE * steps.size
         or np.abs(steps - whole).max() > MAX_UNEVENNESS
     ):
         return None
     place = np.concatenate([[0], np.cumsum(whole)])
     return LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
+
+
+# ---- Rows of a file that are not those of one record: parts of it, and signals that take turns.
+
+HEAD_ROWS = 64  # rows that show whether signals take turns
+
+
+def arrange_rows(
+    files: list[Channels],
+    channels: Sequence[object],
+    *,
+    options: Cutting,
+    fs: float | None,
+    windows: tuple[Seconds, Seconds],
+) -> tuple[list[Channels], Cutting]:
+    """Return measurement files whose channels are streams of rows: each realisation one, and how they are cut."""
+    several = (some if isinstance(some, list | tuple) else [some] for some in channels)
+    names = [name for some in several for name in some if isinstance(name, str)]  # others are refused later
+    if not names or any(file.text("schema") for file in files):
+        return files, options
+    files = [merge_alternating_rows(file, names) for file in files]
+    files, n = map(list, zip(*(unfold_periods(file, names) for file in files), strict=True))
+    if options.n_samples is None and n[0]:
+        options = options._replace(n_samples=n[0])
+    return cut_windows(files, *windows, name=names[0], fs=fs), options
+
+
+def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]:
+    """Return a file whose matrices of periods, (n, P) or (P, n), are streams, and n; itself and 0 where it has none.
+
+    The first channel shows whether its columns repeat each other; those of the same shape go with it.
+    """
+    full = file.full_name(names[0]) if names else ""
+    matrix = file.arrays.get(full, np.zeros(0))
+    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or not 4 < 4 * min(matrix.shape) <= max(matrix.shape):
+        return file, 0
+    n_periods, n = sorted(matrix.shape)
+    arrays = {
+        name: np.ravel(x if x.shape[0] == n_periods else x.T) if x.shape == matrix.shape else x
+        for name, x in file.arrays.items()
+        if not any(name.startswith(f"{other}.") and file.arrays[other].shape == matrix.shape for other in file.arrays)
+    }
+    if not is_repeated(arrays[full].astype(float), n):
+        return file, 0
+    for name in file.times:
+        if file.arrays[name].size == n:
+            t = np.ravel(file.arrays[name]).astype(float)
+            arrays[name] = (t + np.arange(n_periods)[:, None] * (t[-1] - t[0]) * n / (n - 1)).ravel()
+    return replace(file, arrays=arrays), n
+
+
+def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
+    """Return a file whose channels take turns, a row each, with their rows merged; itself where they do not."""
+    full = [file.full_name(name) for name in names]
+    known = {name: file.arrays[name] for name in full if name in file.arrays and file.arrays[name].dtype.kind == "f"}
+    if len(known) < 2 or len({array.shape for array in known.values()}) > 1 or next(iter(known.values())).ndim != 1:
+        return file
+    if np.logical_and.reduce([np.isfinite(array[:HEAD_ROWS]) for array in known.values()]).any():
+        return file
+    rows = {name: np.flatnonzero(np.isfinite(array)) for name, array in known.items()}
+    n = min(map(np.size, rows.values()))
+    turns = np.array([held[:n] for held in rows.values()])
+    if n < 4 or max(map(np.size, rows.values())) > n + 1 or np.any(turns.max(axis=0)[:-1] >= turns.min(axis=0)[1:]):
+        return file
+    merged = {name: known[name][held] for name, held in zip(known, turns, strict=True)}
+    late = ""
+    if (seconds := file.seconds(full[0])) is not None:
+        t = seconds[turns]
+        shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
+        late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G has that delay in it" if shift else ""
+        clock = file.clocks.get(full[0], file.clocks.get("")) or file.nearest_time_channel(full[0])
+        merged[str(clock)] = file.arrays[str(clock)][turns[0]]
+    data_warning(f"the channels of {Path(file.path).name!r} take turns, a row each: {n} turns were merged{late}")
+    return replace(file, arrays={**file.arrays, **merged})
+
+
+def cut_windows(
+    files: Sequence[Channels], start: Seconds, stop: Seconds, *, name: str, fs: float | None
+) -> list[Channels]:
+    """Return the parts of files from each start to its stop, in seconds from the first row; a realisation each."""
+    starts, stops = ([] if one is None else np.atleast_1d(one).tolist() for one in (start, stop))
+    starts, stops = starts or [0.0] * len(stops), stops or [np.inf] * len(starts)
+    if len(starts) != len(stops):
+        raise ValueError(f"start must have one stop for each, got {len(starts)} and {len(stops)}")
+    parts = []
+    for file in files if starts else ():
+        n, t = file.signal("u", name).size, file.seconds(name)
+        t = np.arange(n) / file.sampling_frequency(fs, (name,)) if t is None else t - t[0]
+        for first, end in zip(starts, stops, strict=True):
+            rows = np.flatnonzero((t >= first - 1e-9 * t[-1]) & (t < end - 1e-9 * t[-1]))
+            if rows.size < 4:
+                raise ValueError(
+                    f"start and stop must be inside {Path(file.path).name!r}, from 0 to {t[-1]:g} s, got {first:g} to "
+                    f"{end:g} s with {format_small_count(rows.size, 'sample')}"
+                )
+            part = slice(rows[0], rows[-1] + 1)
+            arrays = {key: x[part] if x.shape[:1] == (n,) else x for key, x in file.arrays.items()}
+            parts.append(replace(file, arrays=arrays))
+    return parts or list(files)
+
+
+def even_out(
+    times: list[np.ndarray | None],
+    groups: Sequence[list[np.ndarray]],
+    *,
+    fs: float,
+    given: bool,
+    resample: bool,
+    paths: Sequence[str],
+) -> float:
+    """Put the streams of files whose time steps vary on an even clock, in place, and return its frequency [Hz].
+
+    They are refused where nobody asked for that, and warned of where the sampling frequency was given.
+    """
+    for m, seconds in enumerate(times):
+        found = None if find_lost_rows(seconds, fs) else find_uneven_clock(seconds, fs)
+        if found is not None and {group[m].shape[-1] for group in groups} == {found.seconds.size}:
+            # rows at the ends that lack a channel are left out
+            held = np.logical_and.reduce(
+                [np.isfinite(group[m]).all(axis=tuple(range(group[m].ndim - 1))) for group in groups]
+            )
+            first, last = np.flatnonzero(held)[[0, -1]] if held.any() else (0, held.size - 1)
+            found = find_uneven_clock(found.seconds[first : last + 1], fs)
+        if found is None:
+            continue
+        described = f"{Path(paths[m]).name!r}: {found.describe()}"
+        if resample:
+            for group in groups:
+                group[m] = found.filled(group[m][..., first : last + 1])
+            times[m], fs = None, found.fs
+            data_warning(f"{described}; its rows were put on an even clock of {fs:g} Hz by a cubic spline")
+        elif given:
+            data_warning(f"{described}; fs was given and is used as if there were one")
+        else:
+            raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
+    return fs
 
 
 def keep_whole_periods(
@@ -223,9 +366,6 @@ def keep_whole_periods(
 MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 
 
-Path_ = str | os.PathLike[str]
-
-
 class ReadOptions(TypedDict, total=False):
     """How a record is cut out of files, by the names of the arguments of `load_record`."""
 
@@ -236,6 +376,8 @@ class ReadOptions(TypedDict, total=False):
     resample: bool
     design: Multisine | Path_ | None
     hold: str | None
+    start: Seconds
+    stop: Seconds
 
 
 @overload
@@ -280,6 +422,8 @@ def load_record(
     resample: bool = False,
     design: Multisine | Path_ | None = None,
     hold: str | None = None,
+    start: Seconds = None,
+    stop: Seconds = None,
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several of one experiment.
 
@@ -307,12 +451,15 @@ def load_record(
     n_discard : int
         Periods to leave out at the start.
     resample : bool
-        Cut the periods where the input shows that they stand; see `record_from_samples`.
+        Put rows of uneven time steps on an even clock, and cut the periods where the input shows that they stand; see
+        `record_from_samples`.
     design : Multisine or path, optional
         What was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
     hold : str, optional
         How u runs between its samples, "zoh" or "band-limited"; see `Record`. From the file or the design when not
         given.
+    start, stop : float, or a list of them, optional
+        Parts of each file [s], from its first row on: each is a realisation.
 
     Returns
     -------
@@ -349,6 +496,8 @@ def load_record(
     if isinstance(design, str | os.PathLike):
         design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
+    if (start, stop) != (None, None) and any(file.text("schema") for file in files):
+        raise ValueError(f"start and stop must be left out for a record that was saved, got {start} and {stop}")
     if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
         if r:
             raise ValueError(
@@ -356,6 +505,7 @@ def load_record(
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
+    files, options = arrange_rows(files, (u, y, r), options=options, fs=fs, windows=(start, stop))
     if isinstance(u, list | tuple) and not (len(u) == 1 and isinstance(y, str)):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         return load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
@@ -407,13 +557,15 @@ def measured_records(
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
     groups = [*(streams[signal] for signal in names), *measured["y"].values()]
     times = [file.seconds(names["u"]) for file in files]
+    paths = [file.path for file in files]
+    clock = even_out(times, groups, fs=clocks[0], given=fs is not None, resample=options.resample, paths=paths)
     options = keep_whole_periods(
         times,
         groups,
         excitation=streams.get("r", streams["u"])[0],
-        fs=clocks[0],
+        fs=clock,
         options=options,
-        paths=[f.path for f in files],
+        paths=paths,
     )
     del groups  # which would hold the streams until the records are made
     trim_missing({signal: streams[signal] for signal in names}, measured["y"])
@@ -426,7 +578,7 @@ def measured_records(
         streams.pop("u"),
         measured.pop("y"),
         r=streams.pop("r", None),
-        fs=clocks[0],
+        fs=clock,
         options=options,
         labels=labels,
     )
@@ -486,19 +638,15 @@ def load_channels(
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    cut = keep_whole_periods(
-        [file.seconds(u[0]) for file in files],
-        list(signals.values()),
-        excitation=signals.get("r", signals["u"])[0][0],
-        fs=clocks[0],
-        options=options,
-        paths=[file.path for file in files],
-    )
+    times, groups, paths = [file.seconds(u[0]) for file in files], list(signals.values()), [f.path for f in files]
+    clock = even_out(times, groups, fs=clocks[0], given=fs is not None, resample=options.resample, paths=paths)
+    excitation = signals.get("r", signals["u"])[0][0]
+    cut = keep_whole_periods(times, groups, excitation=excitation, fs=clock, options=options, paths=paths)
     return record_from_samples(
         signals["u"],
         signals["y"],
         r=signals.get("r"),
-        fs=clocks[0],
+        fs=clock,
         n_samples=cut.n_samples,
         lines=options.lines,
         n_discard=options.n_discard,

@@ -11,6 +11,7 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, iterate_blocks, streams_equal
 from nlfrf.records.screening.decimation import decimate, smooth_step
+from nlfrf.records.screening.input import track_input
 
 LONG_SIGNAL = 1 << 17  # samples that a whole autocorrelation may take
 FIRST_SAMPLES = 256  # samples that are looked for to the last bit
@@ -21,6 +22,7 @@ MAX_CANDIDATES = 64  # lags that are held against all of it
 CHUNK_SAMPLES = 1 << 21  # samples by which that is done
 MAX_MOVES = 8  # that a lag may take until it is known to less than a sample
 MIN_CORRELATION = 0.5  # correlation at the period, at least
+MIN_REPEATED = 0.75  # share of the power of a signal that repeats from period to period, at least
 LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
 
 
@@ -35,7 +37,8 @@ def detect_period(u: np.ndarray) -> float:
     Raises
     ------
     ValueError
-        The signal does not repeat within its length.
+        The signal does not repeat within its length. One that repeats better with its sign turned does not: an odd
+        multisine has its minus after half a period, and a resonance behind it something like itself nearby.
     """
     if u.size > LONG_SIGNAL:
         period = bitwise_period(u) or period_of_long_signal(u)
@@ -58,16 +61,44 @@ def period_by_autocorrelation(u: np.ndarray) -> float:
     negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
     if negative.size:
         rho[: negative[0]] = 0.0
+        top = np.zeros(1)
         if rho.max() > MIN_CORRELATION:
             top, place = interpolate_peaks(spectrum, n_padded, overlap)
             top[: negative[0] + 1] = 0.0
+        if top.max() > 0 and is_as_good(top.max(), -rho.min()):
             highest = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
             as_good = is_as_good(top, top.max()) & np.concatenate(([False], highest, [True]))
             peak = int(np.argmax(as_good))
             reach = slice(peak, min(peak + max(3, peak // 100), top.size))
             peak += int(np.argmax(top[reach]))
             return float(place[peak])
-    raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
+    raise ValueError(describe_no_repetition(n))
+
+
+def describe_no_repetition(n: int) -> str:
+    """Return the refusal of a signal of n samples in which no period is seen twice."""
+    return (
+        f"u must repeat at least once within its {n} samples for its period to be found: give n_samples={n} where the "
+        "record is one whole period, the design that was played, or the period"
+    )
+
+
+def is_repeated(u: np.ndarray, period: float) -> bool:
+    """Return whether a signal (n,) repeats at a period from its first one to its last, not from one to the next only.
+
+    What rings is like itself a few cycles later, and no more at the end of the record.
+
+    >>> t = np.arange(1000)
+    >>> is_repeated(np.sin(0.1 * np.pi * t), 20.0), is_repeated(np.exp(-t / 100) * np.sin(0.1 * np.pi * t), 20.0)
+    (True, False)
+    """
+    n = int(period)
+    starts = np.round(np.arange(int(u.size / period) + 1) * period).astype(int)
+    periods = u[starts[starts + n <= u.size, None] + np.arange(n)] - u.mean()
+    share = np.vdot(mean := periods.mean(axis=0), mean) * len(periods) / max(np.vdot(periods, periods), TINY)
+    if len(periods) < 2 or share > MIN_REPEATED:
+        return len(periods) > 1
+    return track_input(u, round(period)).unexplained < 1 - MIN_REPEATED  # samples may be lost between
 
 
 def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,8 +159,8 @@ def period_of_long_signal(u: np.ndarray) -> float:
     step = smooth_step(u)
     rough = decimate(u[np.newaxis, : u.size // step * step], step)[0]
     rough = rough - rough.mean()
-    found = template_lags(rough)
-    if not found:
+    found, lowest = template_lags(rough)
+    if not found or not is_as_good(max(found.values()), -lowest):
         return 0.0
     best = lagged_correlation(u, round(step * max(found, key=lambda lag: found[lag])))
     for lag in found:
@@ -144,15 +175,18 @@ def is_as_good(like: float | np.ndarray, best: float) -> bool | np.ndarray:
     return like > best - 0.1 * (1 - best) - 0.02
 
 
-def template_lags(u: np.ndarray) -> dict[int, float]:
-    """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well."""
+def template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
+    """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well.
+
+    The second is the lowest correlation: how well their minus is found.
+    """
     n, length = u.size, min(TEMPLATE_SAMPLES, u.size // 8)
     ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
     u = u if ends[0] >= ends[1] else u[::-1]
     size = fast_length(8 * length)
     template, energy = np.fft.rfft(u[:length], size).conj(), max(ends)
     found: dict[int, float] = {}
-    negative = False  # past the main lobe around lag 0
+    negative, lowest = False, 0.0  # past the main lobe around lag 0
     for first in range(0, n // 2, size - length - 1):  # the lags of two neighbours overlap, so that each has its own
         part = u[first : first + size]
         spectrum = np.fft.rfft(part, size) * template
@@ -165,12 +199,13 @@ def template_lags(u: np.ndarray) -> dict[int, float]:
             below = np.flatnonzero(rho < 0)
             negative = below.size > 0
             rho[: below[0] if negative else rho.size] = 0.0
+        lowest = min(lowest, float(rho.min()))
         peaks = np.flatnonzero((rho[1:-1] > MIN_CORRELATION) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
         found |= dict(zip((first + peaks).tolist(), top[peaks].tolist(), strict=True))
         best = max(found.values(), default=0.0)
         kept = [lag for lag, like in found.items() if is_as_good(like, best - CORRELATION_DROP)]
         found = {lag: found[lag] for lag in kept[:MAX_CANDIDATES]}
-    return found
+    return found, lowest
 
 
 def lagged_correlation(u: np.ndarray, lag: int) -> float:

@@ -19,8 +19,9 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modulus, streams_equal
+from nlfrf.records.direction import SignalLines, describe_played, find_signal_lines
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
-from nlfrf.records.period import detect_period
+from nlfrf.records.period import describe_no_repetition, detect_period, is_repeated
 from nlfrf.records.record import Record, SignalLabels, require_varying
 from nlfrf.records.reference import design_period, fill_reference, reconstruct_references
 from nlfrf.records.screening.gaps import find_slips
@@ -28,23 +29,24 @@ from nlfrf.records.screening.input import (
     SEVERE_POWER,
     PeriodAlignment,
     hold_factor,
+    repeated_share,
     resegment,
     track_input,
     warn_about_channel,
 )
 from nlfrf.records.screening.output import align_output, resample_to_input_clock
-from nlfrf.records.screening.stream import excited_span, unwrap_position, warn_of_hits, warn_of_outliers
+from nlfrf.records.screening.stream import (
+    excited_span,
+    find_outliers,
+    unwrap_position,
+    warn_of_hits,
+    warn_of_outliers,
+)
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
 MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
 MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
-UNEVEN, EVEN = (
-    3.0,
-    0.5,
-)  # dB: standard deviation of lines above which a signal is no multisine with even lines, or below
-ACTUATOR_SHARE = 0.1  # of the share of power between the lines of the input: a machine adds some, it takes none away
-MIN_LINES = 6  # below which lines are even by chance
 SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 Streams = dict[str, list[np.ndarray]]
 #: Samples as they are given: one stream, or one for each realisation or experiment.
@@ -72,7 +74,8 @@ def record_from_samples(
     Parameters
     ----------
     u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
-        Inputs and outputs, sampled together; a list holds one array per realisation (experiment).
+        Inputs and outputs, sampled together; a list holds one array per realisation (experiment). Of one channel also
+        (n_samples, P), a period a column.
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
@@ -133,10 +136,14 @@ def record_from_samples(
     """
     if design is not None:
         require_kind("design", design, Multisine)
-    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     signals: dict[str, Samples] = {"u": u, "y": y}
     if r is not None:
         signals["r"] = r
+    if all(isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] > x.shape[1] for x in signals.values()):
+        n_samples = len(signals["u"]) if n_samples is None else n_samples  # periods side by side
+        signals = {name: np.ravel(np.asarray(x).T) for name, x in signals.items()}
+        u, y, r = signals["u"], signals["y"], signals.get("r")
+    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     several = design is not None and not design.is_single
     if inputs or outputs or several or any(map(has_channels, signals.values())):
         return record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)
@@ -282,6 +289,7 @@ def records_from_streams(
         for name, signal in check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
+    pairs = {} if named else labels  # of several inputs an output may have less between its lines than their sum
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:
@@ -289,10 +297,10 @@ def records_from_streams(
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
-        with add_swap_hint(streams, labels):
+        with add_swap_hint(streams, pairs):
             n_samples = rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
-    screen_outputs(streams, n_samples=n_samples, fs=fs)
+    has_outliers = screen_outputs(streams, n_samples=n_samples, fs=fs)
     if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
@@ -300,7 +308,8 @@ def records_from_streams(
         )
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     del streams
-    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
+    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs)
+    cut = leave_out_outliers(cut) if has_outliers else cut
     if design is not None:
         cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
@@ -310,11 +319,22 @@ def records_from_streams(
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
 
 
-def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> None:
-    """`warn_of_outliers` of every output in every realisation."""
-    for name in output_names(streams):
-        for u, y in zip(streams["u"], streams[name], strict=True):
-            warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs)
+def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
+    """`warn_of_outliers` of every output in every realisation; return whether there are any."""
+    pairs = [(name, u, y) for name in output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
+    return sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
+
+
+def leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Leave out the periods of signals (M, P, N) in which an output has outliers, where half of all are left."""
+    _, n_periods, n_samples = cut["u"].shape
+    good = np.ones(n_periods, dtype=bool)
+    for name in output_names(cut):
+        for u, y in zip(cut["u"], cut[name], strict=True):
+            good[find_outliers(y.ravel(), u.ravel(), n_samples)[0] // n_samples] = False
+    if good.all() or 2 * np.count_nonzero(good) < n_periods:
+        return cut
+    return {name: signal[:, good] for name, signal in cut.items()}
 
 
 def cut_periods(
@@ -543,18 +563,30 @@ def warn_of_other_rates(streams: Streams, fs: float) -> None:
                 f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held, and G has that "
                 "hold in it, and what folds down; record u and y at one rate"
             )
+        elif share := repeated_share(streams[name][0], streams["u"][0]):
+            data_warning(
+                f"{name} repeats its last value at {100 * share:.2g} % of the samples and goes on by full steps: its "
+                "sensor is slower than the record, and G has its delay in it, and what folds down; record u and y at "
+                "one rate"
+            )
 
 
 def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
     """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
-    if "r" in cut:
+    if "r" in cut or not labels:
         return
     message = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
         for name in output_names(cut)
         if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
     ]
-    found = describe_swap({name: signal[:1, -1] for name, signal in cut.items()}, output_names(cut), labels)
+    lines = {}
+    for name, signal in cut.items():
+        with suppress(ValueError):
+            lines[name] = find_signal_lines(signal[:1, -2:])
+            if name == "u" and lines[name].is_clean:
+                break
+    found = describe_swap(lines, output_names(cut), labels)
     if message or found:
         data_warning("; ".join([*message, *([found] if found else [])]))
 
@@ -565,14 +597,18 @@ def add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Itera
     try:
         yield
     except ValueError as error:
-        found = "" if "r" in streams else describe_swap(first_periods(streams), output_names(streams), labels)
+        found = (
+            ""
+            if "r" in streams or not labels
+            else describe_swap(lines_of_first_periods(streams), output_names(streams), labels)
+        )
         if not found:
             raise
         raise ValueError(f"{found}; so far {error}") from None
 
 
-def first_periods(streams: Streams) -> dict[str, np.ndarray]:
-    """(1, N) the first period of each signal, as long as each says itself; none of a signal that does not repeat.
+def lines_of_first_periods(streams: Streams) -> dict[str, SignalLines]:
+    """Return the lines of the first period of each signal, as long as each says itself; none of one without.
 
     Lost samples make the period that is found shorter by a part of one: of the two whole ones the one with even lines.
     """
@@ -580,50 +616,35 @@ def first_periods(streams: Streams) -> dict[str, np.ndarray]:
     for name, signal in streams.items():
         with suppress(ValueError):
             n = int(detect_period(signal[0]))
-            found[name] = min((signal[0][np.newaxis, :k] for k in (n, n + 1)), key=lambda one: line_spread(one)[0])
+            both = (signal[0][np.newaxis, np.newaxis, :k] for k in (n, n + 1))
+            found[name] = min(map(find_signal_lines, both), key=lambda one: one.spread)
     return found
 
 
-def describe_swap(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, SignalLabels]) -> str:
-    """Describe exchanged signals: an output is a multisine of even lines and the input is not; else an empty text.
-
-    What a machine makes of a multisine has its resonances in it, and its distortion between the lines.
+def describe_swap(lines: Mapping[str, SignalLines], outputs: Sequence[str], labels: Mapping[str, SignalLabels]) -> str:
+    """Describe exchanged signals: by its lines an output was played and the input was not; else an empty text.
 
     Parameters
     ----------
-    periods : mapping of str to (1, N) ndarray
-        One period of each signal that has one.
+    lines : mapping of str to SignalLines
+        Lines of each signal that has some.
     outputs : sequence of str
         The signals that are outputs.
     labels : mapping of str to mapping
         Names of input and output by output.
     """
-    uneven, dirt = line_spread(periods["u"]) if "u" in periods else (np.inf, np.inf)
-    if uneven < UNEVEN:
-        return ""
+    u = lines.get("u")
     for name, label in zip(outputs, labels.values(), strict=True):
-        spread, rest = line_spread(periods[name]) if name in periods else (np.inf, np.inf)
-        if spread < EVEN and rest < ACTUATOR_SHARE * dirt:
-            u, y = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
+        y = lines.get(name)
+        if y is None or (u is not None and u.is_clean):
+            continue
+        u_name, y_name = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
+        if found := describe_played(y, u):
             return (
-                f"the multisine is found in y{y}, whose lines are even to {spread:.2g} dB, and not in u{u}: are "
-                "input and output swapped? u is what was played"
+                f"the multisine is found in y{y_name}, {found}, and not in u{u_name}: are input and output swapped? "
+                "u is what was played; in a closed loop name its reference, r"
             )
     return ""
-
-
-def line_spread(period: np.ndarray) -> tuple[float, float]:
-    """Standard deviation [dB] of the lines of a signal (1, N), and the share of its power that is in no line."""
-    try:
-        power, noise = line_powers(period[:, np.newaxis])
-        excited = lines_from_powers(power, noise).excited - 1
-    except ValueError:
-        return np.inf, np.inf
-    if excited.size < MIN_LINES:
-        return np.inf, np.inf
-    inside = power[: excited[-1] + 1]
-    spread = float(np.std(10 * np.log10(np.maximum(power[excited], 1e-300))))
-    return spread, float(1 - power[excited].sum() / inside.sum())
 
 
 def recognise_grid(periodic: np.ndarray) -> LineGrid:
@@ -661,6 +682,8 @@ def rounded_period(u: np.ndarray, resample: bool) -> int:
     """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
+        if not is_repeated(u, period):
+            raise ValueError(describe_no_repetition(u.size))
         raise ValueError(
             f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
             "resample=True cuts it on that period"
@@ -687,10 +710,12 @@ def check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
         try:
             period = detect_period(stream)
             found = f"its autocorrelation points to {period:.1f}"
+            if not is_repeated(stream, period):
+                raise ValueError
             if abs(period / fs - n_samples) < 0.1:
                 found += f"; a period counts samples: {n_samples} s at {fs:g} Hz are {period:.0f}"
         except ValueError:
-            found = "it does not seem to repeat at all"
+            found = f"it does not seem to repeat at all; {describe_no_repetition(stream.size)}"
         raise ValueError(
             f"n_samples must be the period of the input, got {u.shape[2]}: "
             f"{100 * unexplained:.0f} % of its power does not repeat from period to period; {found}"

@@ -135,7 +135,7 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
     ms = nlfrf.multisine("special-odd", fs=512, n_samples=1024, f_min=1, f_max=150, rng=1)
     u, f = np.tile(ms.u[0], 2), np.fft.rfftfreq(2048, 1 / 512)
     y = np.fft.irfft(plant(2j * np.pi * f) * np.fft.rfft(u)) + 0.01 * np.random.default_rng(0).standard_normal(2048)
-    savemat("run.mat", {"force": u, "position": y, "fs": 512.0})
+    savemat("run.mat", {"force": u, "position": y, "command": u, "fs": 512.0})
     record = nlfrf.load_record("run.mat", u="force", y="position", n_samples=1024)
     save(nlfrf.identify(replace(record, input_units=("N",), output_units=("m",))), "G.npz")
     assert robust_command("model G.npz -o m.json")[0] == 0
@@ -145,7 +145,8 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
     assert "warning: K.mat says no computation delay" in err
     assert out == robust_command("check m.json K.json --no-certify --delay 0")[1]
     assert "computation delay" not in robust_command("check m.json K.mat --no-certify --delay 0.001")[2]
-    for command in ("--record run.mat --bla G.npz", "--record own.npz --bla G.npz"):
+    records = ("run.mat", "own.npz", "run.mat --reference command")
+    for command in (f"--record {one} --bla G.npz" for one in records):
         save(record, "own.npz")
         code, out, err = robust_command(f"report m.json K.mat --delay 0 {command} -o r.html")
         assert not code, err
@@ -155,6 +156,8 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
         "must name a signal of 'run.mat'"
         in robust_command("report m.json K.mat --record run.mat --input x -o r.html")[2]
     )
+    asked = "report m.json K.mat --record run.mat --reference x -o r.html"
+    assert "--reference must name a signal of 'run.mat'" in robust_command(asked)[2]
 
 
 def told_as_json(robust_command):
@@ -216,10 +219,13 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
         ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
-        ("design m.json --bandwidth 900 --sample-time 0.001 -o K2.json", "half the Nyquist frequency"),
+        (
+            "design m.json --bandwidth 900 --sample-time 0.001 -o K2.json",
+            "--bandwidth must be at most half the Nyquist frequency, 1570.8 rad/s (250 Hz), got 5654.87 rad/s (900 Hz)",
+        ),
         ("design m.json -o K2.json", "bandwidth must be given"),
         ("design m.json --method lqg -o K2.json", "method must be one of"),
-        ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
+        ("design m.json --method PID --structure PIDD -o K2.json", "structure must be one of"),
         ("design bla.npz --method pid --bandwidth 9000 -o K2.json", "--bandwidth must lie within the lines, "),
         ("export m.json -o m.xyz", "out must end in .mat or .csv"),
         ("export m.json -o m.csv", "path must hold a controller"),

@@ -20,13 +20,14 @@ def contents(path: Path) -> Contents:
     # a file alone, as a set of files its columns would have to have different names
     table = parquet.ParquetFile(path).read() if path.suffix.lower() == ".parquet" else feather.read_table(path)
     found: Contents = ({}, {}, {}, {})
-    arrays, units, _, notes = found
+    arrays, units, clocks, notes = found
     for i, (column, about) in enumerate(zip(table.columns, table.schema, strict=True)):
         kind, name = column.type, about.name if about.name not in {*arrays, *notes} else f"{about.name}.{i + 1}"
         if kinds.is_timestamp(kind) or kinds.is_duration(kind):
             ticks = column.cast(int64()).to_numpy()
             arrays[name] = (ticks - ticks[:1]) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
             units[name] = "s"
+            clocks.setdefault("", name)  # by its type, whatever it is called
             continue
         if not (kinds.is_integer(kind) or kinds.is_floating(kind) or kinds.is_boolean(kind) or kinds.is_decimal(kind)):
             notes[name] = "holds no numbers"

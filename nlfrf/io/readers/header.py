@@ -106,8 +106,10 @@ class Header(NamedTuple):
 def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     """Read the header of a table; `columns` are its columns of numbers, by their place."""
     kinds, width = find_kinds(layout, columns), len(layout.numeric)
-    rows, labelled, preamble = sort_rows(layout)
+    rows, labelled, preamble = sort_rows(layout, kinds)
     names, units, constants = find_names(rows, kinds)
+    if {*kinds[len(names) :]} == {Kind.EMPTY} and any(len(row) == width and row[: len(names)] == names for row in rows):
+        names = slice_row(names, 0, width)  # each ends in a separator, and so does the line
     label = ""
     if find_role(names) is Role.NAMES:
         label, names = names[0], names[len(names) > width :]
@@ -158,9 +160,12 @@ def bare_unit(unit: str, name: str, abscissa: str) -> str:
     return "" if unit == "-" else unit.strip("[]()").strip()
 
 
-def sort_rows(layout: Layout) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
-    """Return the rows of a header without a label, those with one by what it says, and the lines of the preamble."""
-    rows: list[list[str]] = []
+def sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
+    """Return the rows of a header without a label, those with one by what it says, and the lines of the preamble.
+
+    Where a row without the mark of a comment has names, only units come from those with it.
+    """
+    rows: list[tuple[list[str], bool]] = []  # with whether it is a comment
     labelled: dict[Role, list[str]] = {}
     preamble = []
     for i, line in enumerate(layout.header):
@@ -169,10 +174,12 @@ def sort_rows(layout: Layout) -> tuple[list[list[str]], dict[Role, list[str]], l
         if role not in (None, Role.NAMES):
             labelled[role] = cells
         elif any(cells):
-            rows.append(cells)
+            rows.append((cells, line.lstrip().startswith(COMMENT_MARKS)))
         if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
             preamble.append(line)  # but not the names, of which one may be that of a clock
-    return rows, labelled, preamble
+    named = [row for row, comment in rows if not comment and names_in(row, kinds) and not is_units_row(row, [])]
+    kept = [row for row, comment in rows if not (comment and named) or is_units_row(row, named[-1])]
+    return kept, labelled, preamble
 
 
 def steps_and_starts(

@@ -30,6 +30,7 @@ COMPLEX = re.compile(
     re.I,
 )
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
+MAX_WIDTH = 256  # columns that a table with fewer rows may have
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
@@ -77,6 +78,10 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     layout = find_layout(text)
     size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
+    if (width := len(layout.numeric)) > MAX_WIDTH and width > 2 * n_lines:
+        raise ValueError(
+            f"it has {layout.n_data_rows} rows of {width} columns: transpose it, one row a sample, one column a channel"
+        )
     long = path is not None and size > HEAD_BYTES
     try:
         frame, no_numbers = parse_columns(
@@ -91,11 +96,15 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     names = header.names
     texts = (i for i, some in enumerate(layout.filled) if some and not (layout.numeric[i] or layout.moments[i]))
     notes = header.unplaced | {names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()}
+    moments: list[str] = []
     arrays = {names[i]: column for i, column in columns.items()}
     units = {name: unit for name, unit in zip(names, header.units, strict=True) if unit}
     for i, seconds in seconds_of_moments(frame, layout).items():
         arrays, units[names[i]] = {names[i]: seconds} | arrays, "s"
+        moments.append(names[i])
     clocks, more = clocks_of_table(header, list(columns), list(arrays))
+    if moments and not any(map(is_time_name, arrays)):
+        clocks.setdefault("", moments[0])  # by what it holds, whatever it is called
     return arrays | more, units, clocks, notes
 
 

@@ -153,8 +153,8 @@ def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndar
     return (outliers, float(beyond[k])) if few and beyond[k + 1] > OUTLIER_RATIO * beyond[k] else (none, np.inf)
 
 
-def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> None:
-    """Warn of outliers of an output y (n,) whose input u has no pulses."""
+def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> bool:
+    """Warn of outliers of an output y (n,) whose input u has no pulses; return whether it has some."""
     outliers, largest = find_outliers(y, u, n_samples)
     if outliers.size:
         first, values = int(outliers[0]), np.unique(y[outliers])
@@ -162,8 +162,9 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
         data_warning(
             f"{name} has {format_count(outliers.size, 'outlier')}, {same}the first of {y[first]:.6g} at sample {first} "
             f"({first / fs:.6g} s): no other sample is further than {largest:.3g} from the median. A spike adds the "
-            "same error to all lines; mend the file, or leave that period out"
+            "same error to all lines. Its period is left out where half of them are without; else mend the file"
         )
+    return bool(outliers.size)
 
 
 # ---- Hits of a hammer: short pulses that neither time nor height repeat.

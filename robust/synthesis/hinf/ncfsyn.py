@@ -186,7 +186,8 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
         raise ValueError(f"G must have as many inputs as outputs, got {G.ninputs} inputs and {G.noutputs} outputs")
     if dt and omega_c * dt > np.pi / 2:
         raise ValueError(
-            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
+            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s ({0.25 / dt:g} Hz), got "
+            f"{omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
         )
     gains = np.abs(response_by_channel(G, omega_c * np.array([0.9, 1.0, 1.1])))
     loops = [crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]
@@ -196,7 +197,10 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
 def crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
     """`crossover_weight` of one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((gains > 0) & np.isfinite(gains)):
-        raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at {omega_c:g} rad/s")
+        raise ValueError(
+            f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at "
+            f"{omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
+        )
     flat = np.log(gains[2] / gains[0]) / np.log(1.1 / 0.9) > -0.5
     zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
     W = from_roots(zeros, np.zeros(1), 1.0, 0.0)

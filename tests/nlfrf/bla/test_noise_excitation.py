@@ -1,5 +1,7 @@
 """Noise excitation: where the local polynomials read the FRF, and which lines a band holds."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,20 @@ def test_chirps_and_bursts_are_no_noise():
     for u in (chirp, burst):
         with pytest.warns(DataWarning, match=r"u must be stationary noise .* scatters \d+\.\d times as much"):
             identify_noise(u, resonance(u), **NOISE)
+
+
+def test_the_band_that_is_proposed_holds_no_line_that_is_refused():
+    """A band-stop leaves two bands; from the first to the last good line both of them and the hole were proposed."""
+    U = np.fft.rfft(np.random.default_rng(3).standard_normal(20_000))
+    f = np.fft.rfftfreq(20_000, 1e-3)
+    u = np.fft.irfft(np.where((f > 55) & (f < 65), 0.0, U), 20_000)
+    u += 1e-3 * np.arange(u.size) / u.size  # whose spectrum is smooth
+    with pytest.raises(ValueError, match=r"ask for the band from ([\d.]+) to ([\d.]+) Hz, the widest") as refusal:
+        identify_noise(u, resonance(u), **NOISE)
+    low, high = map(float, re.findall(r"band from ([\d.]+) to ([\d.]+) Hz", str(refusal.value))[0])
+    assert not (low < 60 < high)
+    assert high - low > 40
+    assert identify_noise(u, resonance(u), **NOISE | dict(f_min=low, f_max=high)).f.size > 20
 
 
 def test_anything_but_records_is_refused():

@@ -103,19 +103,25 @@ def test_each_run_of_a_file_has_the_clock_beside_it(tmp_path):
 
 # A step without a unit
 
-READINGS = "4 Hz if these are seconds, 4000 Hz if they are milliseconds and 4e.06 Hz if they are microseconds"
+
+def readings(step):
+    """The frequencies that a step may stand for, as messages list them."""
+    return (
+        f"{1 / step:g} Hz if these are seconds, {1e3 / step:g} Hz if they are milliseconds and "
+        f"{1e6 / step:g} Hz if they are microseconds"
+    ).replace("+", ".")
 
 
 def test_a_sampling_time_below_a_second_without_a_unit_is_doubtful(tmp_path):
-    for clock in ({"Ts": 0.25}, {"dt": 0.25}, {"SampleTime": 0.25}, {"Sampling_Interval": np.full(U.size, 0.25)}):
-        with pytest.warns(nlfrf.DataWarning, match=rf"names no unit and is 0.25: {READINGS}; seconds are taken"):
-            assert nlfrf.load_record(saved(tmp_path, **clock)).fs == 4
+    for clock in ({"Ts": 0.02}, {"dt": 0.02}, {"SampleTime": 0.02}, {"Sampling_Interval": np.full(U.size, 0.02)}):
+        with pytest.warns(nlfrf.DataWarning, match=rf"names no unit and is 0.02: {readings(0.02)}; seconds are taken"):
+            assert nlfrf.load_record(saved(tmp_path, **clock)).fs == 50
         assert nlfrf.load_record(saved(tmp_path, **clock), fs=4000).fs == 4000  # what was given is not held against it
-    with pytest.warns(nlfrf.DataWarning, match=rf"the time channel 't' names no unit and steps by 0.25: {READINGS}"):
+    with pytest.warns(nlfrf.DataWarning, match=rf"time channel 't' names no unit and steps by 0.25: {readings(0.25)}"):
         assert nlfrf.load_record(saved(tmp_path, t=250 * T)).fs == 4
-    with pytest.warns(nlfrf.DataWarning, match="'Ts' names no unit and is 0.25"):
-        assert nlfrf.load_record(saved(tmp_path, Ts=0.25, t=250 * T)).fs == 4  # neither has a unit
-    for ts in (1.0, 125.0):
+    with pytest.warns(nlfrf.DataWarning, match="'Ts' names no unit and is 0.02"):
+        assert nlfrf.load_record(saved(tmp_path, Ts=0.02, t=20 * T)).fs == 50  # neither has a unit
+    for ts in (0.05, 0.25, 1.0, 125.0):  # which a drive may well have in milliseconds
         with pytest.raises(
             ValueError, match=rf"fs must be given: the sampling time 'Ts' names no unit and is {ts:g}: "
         ):
@@ -188,8 +194,11 @@ def test_a_sampling_time_in_an_attribute_without_a_unit_is_doubtful(tmp_path):
                 file[name].attrs.update(attributes)
         return tmp_path / "run.h5"
 
-    with pytest.warns(nlfrf.DataWarning, match=rf"the sampling time of 'u' names no unit and is 0.25: {READINGS}"):
-        assert nlfrf.load_record(saved_with(dt=0.25)).fs == 4
+    said = rf"the sampling time of 'u' names no unit and is 0.02: {readings(0.02)}"
+    with pytest.warns(nlfrf.DataWarning, match=said):
+        assert nlfrf.load_record(saved_with(dt=0.02)).fs == 50
+    with pytest.raises(ValueError, match=r"fs must be given: the sampling time of 'u' .* is 0.25"):
+        nlfrf.load_record(saved_with(dt=0.25))
     assert nlfrf.load_record(saved_with(dt=0.25), fs=4000).fs == 4000
     assert nlfrf.load_record(saved_with(dt=1e-3)).fs == FS
     assert nlfrf.load_record(saved_with(fs=4.0)).fs == 4

@@ -69,7 +69,8 @@ FORCE = np.roll(U, 3) + 0.2 * Y
         ("reference,position", (U, Y), ("reference", "position", "")),
         ("position command,force,position", (U, FORCE, Y), ("force", "position", "position command")),
         ("force,sequence,position", (U, np.random.default_rng(2).random(U.size), Y), ("force", "position", "")),
-        ("cmd,force,position", (U, FORCE, Y), ("cmd", "position", "")),
+        ("cmd,force,position", (U, FORCE, Y), ("force", "position", "cmd")),
+        ("cmd,position", (U, Y), ("cmd", "position", "")),
         ("set point,force,position", (np.sign(COUNTER - 300), FORCE, Y), ("force", "position", "")),  # repeats not
         ("force,encoder index,position", (U, COUNTER, Y), ("force", "position", "")),
         ("position clock,force,accel", (CLOCK, U, Y), ("force", "accel", "")),

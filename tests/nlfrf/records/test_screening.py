@@ -171,7 +171,9 @@ def test_a_spike_is_said_with_its_place_and_size(n_periods, size):
     y[333] = size
     place = rf"y has 1 outlier, the first of {size:g} at sample 333 \({333 / FS:.6g} s\): no other sample is further"
     with pytest.warns(nlfrf.DataWarning, match=place):
-        nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
+        record = nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
+    assert record.n_periods == max(1, n_periods - 1)
+    assert (np.abs(record.y).max() < size / 2) == (n_periods > 1)  # the only period stays
 
 
 def test_a_spike_of_the_input_is_said_too():

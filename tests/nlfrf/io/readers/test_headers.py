@@ -257,9 +257,12 @@ def test_a_time_column_that_only_the_preamble_tells(tmp_path):
 
 
 def test_a_preamble_whose_step_has_no_unit(tmp_path):
+    path = written(tmp_path, ["Sample interval,0.02", "u,y", *rows(U, Y)])
+    with pytest.warns(nlfrf.DataWarning, match=r"'Sample interval' names no unit and is 0\.02: 50 Hz if these are"):
+        holds(path, rate=50)
     path = written(tmp_path, ["Sample interval,0.25", "u,y", *rows(U, Y)])
-    with pytest.warns(nlfrf.DataWarning, match="'Sample interval' names no unit and is 0.25: 4 Hz if these are"):
-        holds(path, rate=4)
+    with pytest.raises(ValueError, match=r"fs must be given: .*'Sample interval' names no unit and is 0\.25: 4 Hz"):
+        nlfrf.load_record(path)
     path = written(tmp_path, ["Interval,1", "u,y", *rows(U, Y)])
     with pytest.raises(ValueError, match=r"fs must be given: .*'sampling time' names no unit and is 1: 1 Hz"):
         nlfrf.load_record(path)

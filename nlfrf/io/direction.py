@@ -1,0 +1,185 @@
+"""Which channels of a file are input, output and reference: by the period that they share, their lines, their names.
+
+Names decide where they name an input. Where lines contradict them, or decide nothing between channels without such
+names, nobody is proposed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import format_count, join_names
+from nlfrf.io.readers.clock import UNIT_SUFFIX
+from nlfrf.records.direction import (
+    SignalLines,
+    compare_detection_lines,
+    compare_levels,
+    describe_played,
+    find_signal_lines,
+)
+from nlfrf.records.period import detect_period, is_repeated
+
+INPUT_NAMES = re.compile(
+    r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
+    re.I,
+)
+OUTPUT_NAMES = re.compile(
+    r"y\d*|out(put)?\d*|x\d*|theta.*|"
+    r".*(pos|weg|lage|drehz|geschw|angle|winkel|acc|beschl|vel|speed|disp|response|meas|enc(?![ey])|ist(?![a-z])).*|"
+    r"(.*[^a-z])?ist.*",  # the actual value, in German; the conditions leave out "reference" and "distance"
+    re.I,
+)
+SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
+SET_POINT = re.compile(rf"[ _.]*(?:{SET_WORDS})$|(?<![a-z])(?:{SET_WORDS})(?![a-z])[ _.]*", re.I)
+MAX_CANDIDATES = 12  # channels whose spectra are looked at
+WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
+
+
+class Direction(NamedTuple):
+    """What is proposed of the channels of a record: empty names where nobody is, and why in `doubt`.
+
+    The period [samples] is 0 where none is found, and all samples where the record is one; `lines` describes it.
+    """
+
+    u: str = ""
+    reference: str = ""
+    period: float = 0.0
+    lines: str = "no channel repeats"
+    doubt: str = ""
+
+
+class Rank(IntEnum):
+    """What a channel is by its name, in the order in which it is taken for the input."""
+
+    INPUT = 0
+    SET_POINT = 1
+    UNKNOWN = 2
+    OUTPUT = 3
+
+
+def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], float]) -> Direction:
+    """Return input and reference among streams (n,) that were sampled together, and the period that they share.
+
+    Parameters
+    ----------
+    streams : dict of str to (n,) ndarray
+        Channels that move.
+    rate : callable
+        Sampling frequency [Hz] of a channel by its name; nan where it is not known.
+    """
+    likely = sorted(streams, key=rank_by_name)[:MAX_CANDIDATES]
+    x = {name: np.asarray(streams[name], dtype=float) for name in streams if name in likely}
+    period = find_common_period(list(x.values()))
+    n = round(period)
+    period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
+    lines = {}
+    for name, one in x.items():
+        if n and (n == one.size or is_repeated(one, period)):
+            with suppress(ValueError):  # nothing stands out of its noise
+                lines[name] = find_signal_lines(one[: one.size // n * n].reshape(1, -1, n))
+    if not lines:
+        inputs = [name for name in x if rank_by_name(name) is Rank.INPUT]
+        return Direction(u=inputs[0]) if len(inputs) == 1 < len(x) else Direction()
+    u, doubt = choose_input(lines)
+    references = [name for name in lines if name != u and rank_by_name(name) is Rank.SET_POINT]
+    reference = min(references, key=lambda name: lines[name].spread, default="") if u else ""
+    name = u or next(iter(lines))
+    excited, fs = lines[name].grid.excited, rate(name)
+    lasts, band = f" ({period / fs:.4g} s)", f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
+    lasts, band = ("", "") if np.isnan(fs) else (lasts, band)
+    periods, n_lines = format_count(x[name].size // n, "period"), format_count(excited.size, "line")
+    return Direction(u, reference, period, f"period {period:.6g} samples{lasts}, {periods}; {n_lines}{band}", doubt)
+
+
+def find_common_period(streams: Sequence[np.ndarray]) -> float:
+    """Return the period [samples] of channels that were sampled together; 0 where no channel has one.
+
+    Where a channel that does not repeat has odd lines alone over its whole length, that is one period, whatever rings
+    behind it. Else it is the period at which most channels repeat.
+    """
+    found: dict[int, float] = {}
+    for x in streams:
+        try:
+            if not is_repeated(x, period := detect_period(x)):
+                raise ValueError
+            found.setdefault(round(period), period)
+        except ValueError:
+            with suppress(ValueError):
+                if find_signal_lines(x.reshape(1, 1, -1)).is_one_period:
+                    return float(x.size)
+    if len(found) < 2:
+        return next(iter(found.values()), 0.0)
+    return max(found.values(), key=lambda period: (sum(is_repeated(x, period) for x in streams), period))
+
+
+def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
+    """Return the input among channels that repeat together, and why there is none: their names, then their lines."""
+    ranks = {name: rank_by_name(name) for name in lines}
+    first = min(ranks.values())
+    if first is Rank.SET_POINT and list(ranks.values()).count(Rank.UNKNOWN) > 1 and Rank.OUTPUT not in ranks.values():
+        first = Rank.UNKNOWN  # a loop whose input is one of them
+    names = [name for name in lines if ranks[name] is first]
+    u = names[0]
+    if len(names) > 1:
+        beaten = {b for a in names for b in names if shows_played(lines[a], lines[b])}
+        left = [name for name in names if name not in beaten] if beaten else []
+        if len(left) != 1 and first > Rank.SET_POINT:
+            return "", f"neither names nor lines show which of {join_names(names)} was played"
+        u = left[0] if len(left) == 1 else min(names, key=lambda name: lines[name].spread)
+    quantity = bare_name(u)
+    u = next((name for name in lines if name != u and SET_POINT.sub("", bare_name(name)) == quantity), u)
+    for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
+        level = f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
+        if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
+            return "", (
+                f"by names {u} is the input, but the multisine is found in {name}, {found}: {name} was played, or the "
+                "reference of a closed loop is missing"
+            )
+    return u, ""
+
+
+def shows_played(one: SignalLines, other: SignalLines) -> bool:
+    """Return whether one signal was played and not another: it is clean between its lines, of one level, or exact."""
+    if compare_detection_lines(other, one):
+        return False
+    return bool(compare_detection_lines(one, other) or compare_levels(one, other) or one.is_exact > other.is_exact)
+
+
+def rank_by_name(name: str) -> Rank:
+    """Return what a channel is by its name.
+
+    >>> [rank_by_name(name).name for name in ("Kraft [N]", "speed_ref", "ch1", "measured current", "run.Lage (mm)")]
+    ['INPUT', 'SET_POINT', 'UNKNOWN', 'UNKNOWN', 'OUTPUT']
+    """
+    short = bare_name(name)
+    if is_set_point(name):
+        return Rank.SET_POINT
+    drives, responds = INPUT_NAMES.fullmatch(short) is not None, OUTPUT_NAMES.fullmatch(short) is not None
+    return Rank.UNKNOWN if drives == responds else Rank.INPUT if drives else Rank.OUTPUT
+
+
+def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
+    """Return the first channel called like an output, else the first that is not called like an input or set point."""
+    others = [name for name in candidates if name != u and candidates[name].size == candidates[u].size]
+    ranked = sorted((name for name in others if not is_set_point(name)), key=rank_by_name, reverse=True)
+    return ranked[0] if ranked else ""
+
+
+def is_set_point(name: str) -> bool:
+    """Return whether a channel is called a set point, which a sampled drive or controller holds over each period.
+
+    >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
+    [True, True, True, False]
+    """
+    return bool(SET_POINT.search(bare_name(name)))
+
+
+def bare_name(name: str) -> str:
+    """Return a name without its unit and the structs around it."""
+    return UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1].strip()

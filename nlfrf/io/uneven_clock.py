@@ -1,0 +1,97 @@
+"""Time columns whose steps vary by more than jitter: two rates, the steps of a solver, rows of other events.
+
+Rows belong to an even clock as long as their times stay near one straight line over the rows, whatever each of them
+jitters: moments that a computer noted late, or printed coarsely, come back to it. Where they do not come back, the mean
+step is the clock of no row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.arguments import format_count
+from nlfrf._base.values import value
+
+N_PARTS, PART_ROWS = 64, 64  # parts of a record whose rows show whether the clock wanders, and the rows of each
+DRIFT_ORDER = 3  # of the polynomial by which two quartz clocks may drift against each other
+MAX_WANDER = 0.5  # of a sample: further from it for good, rows are not those of an even clock
+USUAL_STEP = 0.25  # share by which a usual step may be longer or shorter than their median
+MAX_NAMED = 3  # places that a message names
+
+
+@value(in_sentences=True)
+class UnevenClock:
+    """A time column that no even clock has written.
+
+    Fields
+    ------
+    seconds : (n,) ndarray
+        Time of each row [s].
+    fs : float
+        Sampling frequency of the usual steps [Hz].
+    rows : (k,) ndarray of int
+        Rows at which the time begins to leave the usual steps.
+    """
+
+    seconds: np.ndarray
+    fs: float
+    rows: np.ndarray
+
+    def filled(self, stream: np.ndarray) -> np.ndarray:
+        """Return streams (..., n) at the usual rate, by a cubic spline through their rows; of equal times the last."""
+        from scipy.interpolate import CubicSpline
+
+        finite = np.isfinite(self.seconds) & np.isfinite(stream).reshape(-1, self.seconds.size).all(axis=0)
+        t, x = self.seconds[finite], stream[..., finite]
+        later = np.append(np.diff(np.maximum.accumulate(t)) > 0, True)
+        grid = np.arange(int((t[-1] - t[0]) * self.fs + 1e-6) + 1) / self.fs
+        filled = CubicSpline(t[later] - t[0], x[..., later], axis=-1)(grid)
+        filled.flags.writeable = False
+        return np.asarray(filled)
+
+    def describe(self, n_samples: int = 0) -> str:
+        """Describe how the steps vary, and where.
+
+        >>> t = np.arange(1000) / 100
+        >>> found = find_uneven_clock(np.insert(t, 501, 5.004), 100.0)
+        >>> found.describe()
+        'the steps of the time column vary from 0.004 to 0.01 s, usually 0.01 s: no even clock from 5.004 s on'
+        """
+        steps = np.diff(self.seconds)
+        places = ", ".join(f"{self.seconds[row]:.9g}" for row in self.rows[:MAX_NAMED])
+        more = f" and {format_count(self.rows.size - MAX_NAMED, 'place')} more" * (self.rows.size > MAX_NAMED)
+        return (
+            f"the steps of the time column vary from {steps.min():.4g} to {steps.max():.4g} s, usually "
+            f"{1 / self.fs:.6g} s: no even clock from {places} s{more} on"
+        )
+
+
+def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | None:
+    """Return where a time column leaves an even clock for good; None where it does not.
+
+    Parameters
+    ----------
+    seconds : (n,) ndarray, optional
+        The time of each row [s].
+    fs : float
+        Sampling frequency by its mean step [Hz]; 0 or nan where it has none.
+    """
+    if seconds is None or seconds.size < N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
+        return None
+    n = seconds.size
+    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # where times are printed coarsely
+    size = min(n // 2, max(PART_ROWS, 8 * n_equal))
+    starts = np.linspace(0, n - size, N_PARTS).astype(int)
+    rows = starts[:, None] + np.arange(size)
+    places = (seconds[rows] - seconds[0]) * fs - rows
+    middle, scatter = np.median(places, axis=1), float(np.median(np.ptp(places, axis=1)))
+    drift = np.polynomial.Polynomial.fit(starts, middle, DRIFT_ORDER)
+    wander = middle - drift(starts)
+    if np.ptp(wander) <= max(MAX_WANDER, scatter):
+        return None
+    steps = np.diff(seconds)
+    usual = float(np.median(steps[steps > 0]))
+    usual = float(np.mean(steps[np.abs(steps - usual) < USUAL_STEP * usual]))
+    odd = np.flatnonzero(np.abs(steps - usual) > USUAL_STEP * usual) + 1
+    odd = odd[np.diff(odd, prepend=-1) > 1] if odd.size else starts[[np.argmax(np.abs(np.diff(wander)))]]
+    return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=odd)
