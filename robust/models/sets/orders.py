@@ -114,7 +114,9 @@ class OrderScan:
         """Return which of the fits to take."""
         if np.isnan(self.omega_c):
             return choose_by_data(self.criterion, self.fits, self.reach)
-        good = self.loop_radius <= max(NEAR_BEST * self.loop_radius.min(), ENOUGH)
+        shown = ~np.array([has_unseen_pair(fit) for fit in self.fits])
+        shown |= not shown.any()
+        good = shown & (self.loop_radius <= max(NEAR_BEST * self.loop_radius[shown].min(), ENOUGH))
         return smallest_order(self.fits, good, self.loop_radius)
 
     @property
@@ -305,8 +307,8 @@ class SetSizes:
     reach : float
         Highest crossover [rad/s] with |T_c| times the radius below `ENOUGH` on every line.
     suffices : bool
-        Whether the loop has its margins, or no other nominal could give it more: |T_c| times the radius is near that of
-        the scatter of the lines alone.
+        Whether the loop has its margins, or no other nominal could give it more: on every line |T_c| times the radius
+        is below `ENOUGH` or near that of the scatter alone, by poles and zeros that the data show.
     """
 
     radius: float
@@ -330,7 +332,8 @@ def set_sizes(fit: NominalFit, many: Sequence[Bla]) -> SetSizes:
         radius=float(relative[omega <= fit.omega_c].max()),
         loop_radius=loop,
         reach=reach,
-        suffices=loop < max(ENOUGH, NEAR_BEST * float(np.max(scatter * target))),
+        suffices=not has_unseen_pair(fit)
+        and bool(np.all(relative * target < np.maximum(ENOUGH, NEAR_BEST * scatter * target))),
     )
 
 
@@ -377,6 +380,12 @@ def radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarra
     between = [larger_neighbour(modes, omega, row) for row in on_lines[1:3]]
     peaks = np.abs(response(fit.G, modes)) / np.interp(modes, omega, smooth)
     return np.hstack([on_lines, [modes, *between, peaks]])
+
+
+def has_unseen_pair(fit: NominalFit) -> bool:
+    """Return whether a pole and a zero lie below the band, where they cancel on every line: the data show neither."""
+    lowest, dt = fit.omega.min() / OUTSIDE_FACTOR, timebase(fit.G)
+    return all(np.any(np.abs(to_s_plane(roots, dt)) < lowest) for roots in (fit.G.poles(), fit.G.zeros()))
 
 
 def smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
