@@ -576,9 +576,8 @@ def fit_nominal(
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros. When not given as many as the data show, n_poles - 1 at most, or n_poles where the delay is
-        estimated, no crossover is named and they are likelier. Of several channels none is given, or n_poles for a
-        direct term.
+        Number of zeros. When not given as many as the data show, n_poles - 1 at most. Of several channels none is
+        given, or n_poles for a direct term.
     delay : float or "estimate"
         Delay [s] in series; in discrete time a whole number of samples. Of several channels also (n_u,),
         one for each input.
@@ -645,8 +644,7 @@ def likeliest_fit(
     """Return the fit of so many poles; where the number of zeros is open, that of the lowest criterion.
 
     Zeros above the band that the data do not show are none: `fewer` are fits without them, where they were made. A
-    direct term is tried where a delay is estimated, which a zero too few would shorten. A sampled plant behind a hold
-    has none, nor has one for a loop: through it the whole set above the Nyquist frequency folds down.
+    direct term is fitted only where it is asked for: through it the whole set above the Nyquist frequency folds down.
     """
     orders = checked_orders(search, n_poles, n_zeros)
     weighted, roots = search.best_with_class_error(orders)
@@ -656,9 +654,6 @@ def likeliest_fit(
     elif n_zeros is None or fewer is not None:
         highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
         tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
-    unnamed_loop = search.delay is None and not search.dt and np.isnan(search.lines.omega_c)
-    if n_zeros is None and unnamed_loop and n_poles < search.lines.omega.size:
-        tried.append(search.best_with_class_error((n_poles, n_poles)))
     fit = min((nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
     warn_of_fit(fit, search.lines, one_record=one_record)

@@ -266,20 +266,3 @@ def test_exports_and_validations_keep_them(run, tmp_path):
     assert (tmp_path / "bare.csv").read_text(encoding="utf-8").startswith("f [Hz],Re G")
     robust.io.export_matlab(replace(model, warnings=()), tmp_path / "bare.mat")
     assert "warnings" not in loadmat(tmp_path / "bare.mat", simplify_cells=True)["content"]
-
-
-def test_a_record_made_by_hand_is_looked_at():
-    """Arrays went into a `Record` unseen: what cuts samples into periods was the only one to look."""
-    record = recorded()
-    u, y = record.u.copy(), record.y.copy()
-    y[:, 1, :600] = y[0, 1, 0]
-    dead, said = shown(Record, u=u, y=y, fs=512, lines=record.lines)
-    assert len(said) == 1
-    assert "y stands still for 600 samples from sample 1024" in said[0]
-    assert dead.warnings == tuple(said)
-    bla, _ = shown(identify, dead)
-    assert bla.warnings[0] == said[0]
-    clipped, said = shown(Record, u=np.clip(u, -1, 1), y=record.y, fs=512, lines=record.lines)
-    assert "u seems clipped" in said[0]
-    assert clipped.warnings == tuple(said)
-    assert shown(replace, clipped, hold="zoh")[1] == []  # it is known
