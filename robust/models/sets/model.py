@@ -384,7 +384,7 @@ class UncertaintyModel:
     def relative_radius(self) -> np.ndarray:
         """Return (W,) the radius over |G|, as a relative deviation of the plant; nan where the form has none."""
         form = FORMS.get(self.form) if self.is_single else None
-        if form is None or form.relative_weight is None:
+        if form is None or form.relative_weight is None or form.inverse:
             return np.full(self.omega.size, np.nan)
         return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
 
