@@ -73,7 +73,7 @@ def shaped(crossover):
 blas = {rms: identified(rms) for rms in LEVELS}
 assumed = robust.friction.friction_class(list(blas.values()))
 ends = [spring(assumed.stiffness_low), spring(assumed.stiffness_low + assumed.friction.K0)]  # sliding, and stuck
-proved = robust.design_frf(ends, "PID", M_S=2.0, dt=T, filter_time=T / 2, prove=assumed)
+proved = robust.design_frf(ends, "PID", M_S=2.5, dt=T, filter_time=T / 2, prove=assumed)
 model = robust.uncertainty(blas[0.5], robust.fit_nominal(blas[0.5], n_poles=3), order=6)
 plant = robust.sampled(model.nominal, T)
 found = {f"shaped for {crossover} Hz": shaped(crossover) for crossover in (40, 120)}
