@@ -45,7 +45,11 @@ PRINTED = {
         r"random-odd",
     ],
     "05_levels_as_a_family": [r"0\.25 N alone: crossover up to", "all three: crossover up to 1 Hz of 64"],
-    "06_from_bla_to_weights": [r"3 poles .* \(taken\)", r"inverse-multiplicative", r"of 148 lines outside"],
+    "06_from_bla_to_weights": [
+        r"3 poles (?:(?!poles)[\s\S])*\(taken\)",
+        r"inverse-multiplicative",
+        r"of 148 lines outside",
+    ],
     "07_shape_by_hand": [
         r"a gain .* inf",
         r"a notch over the resonance +stable +0\.\d+ +0\.\d+",
