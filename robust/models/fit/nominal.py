@@ -339,7 +339,9 @@ def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) ->
 
 # ---- ``DesignWarning``, and what is warned of: a fit or a weight that is usable but suspicious.
 
-COST_LIMIT = 20.0  # cost over what scatter alone leaves, from which a fit to one record is suspicious
+#: Cost over what scatter alone leaves, from which a fit to one record is suspicious. A fit that weighs the error of its
+#: class leaves more of it: 16 of two poles to the rig, where the least cost is below 10.
+COST_LIMIT = 20.0
 OUTSIDE_FACTOR = 1.5  # how far outside the band a pole lies at least to be named
 HARMLESS_SHARE = (
     1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
