@@ -157,7 +157,7 @@ def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
         runs = edges.reshape(-1, 2)
         first, end = runs[np.argmax(runs[:, 1] - runs[:, 0])] if runs.size else (0, 0)
         band = f"{f[first]:.6g} to {f[end - 1]:.6g} Hz" if end - first > 1 else ""
-        cure = f", or ask for the band from {band}, the widest without such a line" if band else ""
+        cure = f", or ask for a band inside {band}, the widest without such a line" if band else ""
         at = int(np.argmin(rough_share))
         raise ValueError(
             f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} "
