@@ -84,7 +84,7 @@ def test_the_band_that_is_proposed_holds_no_line_that_is_refused():
     u += 1e-3 * np.arange(u.size) / u.size  # whose spectrum is smooth
     with pytest.raises(ValueError, match=r"ask for a band inside ([\d.]+) to ([\d.]+) Hz, the widest") as refusal:
         identify_noise(u, resonance(u), **NOISE)
-    low, high = map(float, re.findall(r"band from ([\d.]+) to ([\d.]+) Hz", str(refusal.value))[0])
+    low, high = map(float, re.findall(r"band inside ([\d.]+) to ([\d.]+) Hz", str(refusal.value))[0])
     assert not (low < 60 < high)
     assert high - low > 40
     assert identify_noise(u, resonance(u), **NOISE | dict(f_min=low, f_max=high)).f.size > 20
