@@ -62,7 +62,7 @@ test: $(TESTS)
 
 # The cases that `make test` leaves out, with the same tests: before a release.
 attack: $(TESTS)
-	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --attack -n 2 --dist worksteal
+	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --attack --hypothesis-profile=searching -n 2 --dist worksteal
 
 # The examples run once: what they print and draw lies in build/examples, and the tests look at the same. A page that
 # warns is a failure.
