@@ -936,10 +936,7 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
     unstable = bool(kept) and free.criterion[kept].min() + SURE < held.criterion.min()
     scan = held
     if unstable:
-        rows = ("n_poles", "cost", "expected_cost", "criterion", "radius", "loop_radius", "reach")
-        scan = replace(
-            free, **{name: getattr(free, name)[kept] for name in rows}, fits=tuple(free.fits[k] for k in kept)
-        )
+        scan = replace(free, fits=tuple(free.fits[k] for k in kept), sizes=tuple(free.sizes[k] for k in kept))
     omega_c = classical_margins(machine.omega, machine.G * response(K, machine.omega)).crossover
     if np.any(scan.fit.class_std) and not np.isnan(omega_c):
         each = [

@@ -64,25 +64,12 @@ class OrderScan:
 
     Fields
     ------
-    n_poles : (n,) ndarray
-        Orders tried; twice where a delay was tried too.
-    cost, expected_cost : (n,) ndarray
-        What each leaves, and what scatter alone would leave.
-    criterion : (n,) ndarray
-        `NominalFit.criterion`, the Bayesian one.
-    radius, loop_radius : (n,) ndarray
-        Largest radius of the set over |G| below the crossover, and largest |T_c| times it; nan without a crossover.
-    reach : (n,) ndarray
-        Highest crossover [rad/s] for which |T_c| times the radius stays below one half on every line.
-    best : int
-        Number of poles to take. With a crossover the smallest whose |T_c| times radius is below one half, or within
-        10 % of the smallest. Without one: of the smallest criterion among the fits that scatter explains and whose
-        roots the data carry; where there is none, among those that it explains without cancelled poles and far zeros,
-        then those that it explains. Where scatter explains none, the smallest with a reach within 10 % of the highest.
+    fits : (n,) tuple of NominalFit
+        One for each order; two where a delay was tried too.
+    sizes : (n,) tuple of SetSizes
+        What the set about each allows a loop.
     omega_c : float
         Crossover [rad/s] that was asked for; nan for none.
-    fits : tuple of NominalFit
-        All of them.
 
     References
     ----------
@@ -98,26 +85,66 @@ class OrderScan:
     (1, 1)
     """
 
-    n_poles: np.ndarray
-    cost: np.ndarray
-    expected_cost: np.ndarray
-    criterion: np.ndarray
-    radius: np.ndarray
-    loop_radius: np.ndarray
-    reach: np.ndarray
-    best: int
-    omega_c: float
     fits: tuple[NominalFit, ...]
+    sizes: tuple[SetSizes, ...]
+    omega_c: float
+
+    @property
+    def n_poles(self) -> np.ndarray:
+        """Return (n,) number of poles of each fit."""
+        return np.array([fit.G.nstates for fit in self.fits])
+
+    @property
+    def cost(self) -> np.ndarray:
+        """Return (n,) weighted squares of what each fit leaves."""
+        return np.array([fit.cost for fit in self.fits])
+
+    @property
+    def expected_cost(self) -> np.ndarray:
+        """Return (n,) weighted squares that scatter alone would leave."""
+        return np.array([fit.expected_cost for fit in self.fits])
+
+    @property
+    def criterion(self) -> np.ndarray:
+        """Return (n,) `NominalFit.criterion`, the Bayesian one."""
+        return np.array([fit.criterion for fit in self.fits])
+
+    @property
+    def delay(self) -> np.ndarray:
+        """Return (n,) delay of each fit [s]."""
+        return np.array([fit.delay for fit in self.fits])
+
+    @property
+    def loop_radius(self) -> np.ndarray:
+        """Return (n,) largest |T_c| times the radius of each set over |G|; nan without a crossover."""
+        return np.array([size.loop_radius for size in self.sizes])
+
+    @property
+    def reach(self) -> np.ndarray:
+        """Return (n,) highest crossover [rad/s] with |T_c| times the radius below one half on every line."""
+        return np.array([size.reach for size in self.sizes])
 
     @property
     def chosen(self) -> int:
-        """Return which of the fits to take."""
+        """Return the index of the fit to take.
+
+        With a crossover it has the fewest poles of the fits whose |T_c| times radius is on every line below one half,
+        or within 10 % of that of the best. Without one it has the smallest criterion of the fits that scatter explains
+        and whose roots the data carry; where there is none, of those that it explains without cancelled poles and far
+        zeros, then of those that it explains. Where scatter explains none, it has the fewest poles of those with a
+        reach within 10 % of the highest.
+        """
         if np.isnan(self.omega_c):
             return choose_by_data(self.criterion, self.fits, self.reach)
         shown = ~np.array([has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
-        good = shown & (self.loop_radius <= max(NEAR_BEST * self.loop_radius[shown].min(), ENOUGH))
-        return smallest_order(self.fits, good, self.loop_radius)
+        best = int(np.argmin(np.where(shown, self.loop_radius, np.inf)))
+        limits = [
+            np.maximum(NEAR_BEST * self.sizes[best].loop_lines, ENOUGH),
+            max(NEAR_BEST * self.loop_radius[best], ENOUGH),
+        ]
+        serves = [np.all(size.loop_lines <= limits[0]) and size.loop_radius <= limits[1] for size in self.sizes]
+        return smallest_order(self.fits, shown & np.array(serves), self.loop_radius)
 
     @property
     def fit(self) -> NominalFit:
@@ -125,9 +152,9 @@ class OrderScan:
         return self.fits[self.chosen]
 
     @property
-    def delay(self) -> np.ndarray:
-        """Return (n,) delay of each fit [s]."""
-        return np.array([fit.delay for fit in self.fits])
+    def best(self) -> int:
+        """Return the number of poles to take, those of `fit`."""
+        return int(self.n_poles[self.chosen])
 
     def __str__(self) -> str:
         chosen, delayed, asked = self.chosen, np.any(self.delay), not np.isnan(self.omega_c)
@@ -135,7 +162,7 @@ class OrderScan:
         for i, fit in enumerate(self.fits):
             row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
             if asked:
-                row += f"  radius {self.radius[i]:9.3g}  |T_c| x radius {self.loop_radius[i]:9.3g}"
+                row += f"  radius {self.sizes[i].radius:9.3g}  |T_c| x radius {self.loop_radius[i]:9.3g}"
             else:
                 row += f"  crossover up to {format_hertz(self.reach[i]):>10s}  criterion {self.criterion[i]:10.4g}"
             row += f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter" + " (taken)" * (i == chosen)
@@ -225,20 +252,8 @@ def scan_orders(
             else:
                 fits = scan_for_loop(search, bla, zeros_of, free=free, many=many)
     fits.sort(key=lambda fit: fit.G.nstates)
-    sizes = [set_sizes(fit, many) for fit in fits]
-    scan = OrderScan(
-        n_poles=np.array([fit.G.nstates for fit in fits]),
-        cost=np.array([fit.cost for fit in fits]),
-        expected_cost=np.array([fit.expected_cost for fit in fits]),
-        criterion=np.array([fit.criterion for fit in fits]),
-        radius=np.array([size.radius for size in sizes]),
-        loop_radius=np.array([size.loop_radius for size in sizes]),
-        reach=np.array([size.reach for size in sizes]),
-        best=0,
-        omega_c=float("nan") if omega_c is None else float(omega_c),
-        fits=tuple(fits),
-    )
-    return replace(scan, best=int(scan.n_poles[scan.chosen]))
+    asked = float("nan") if omega_c is None else float(omega_c)
+    return OrderScan(fits=tuple(fits), sizes=tuple(set_sizes(fit, many) for fit in fits), omega_c=asked)
 
 
 def scan_for_loop(
@@ -304,6 +319,8 @@ class SetSizes:
     ------
     radius, loop_radius : float
         Largest radius over |G| below the crossover, and largest |T_c| times it; nan without a crossover.
+    loop_lines : (F,) ndarray
+        |T_c| times the radius over |G| on the lines of the fit.
     reach : float
         Highest crossover [rad/s] with |T_c| times the radius below `ENOUGH` on every line.
     suffices : bool
@@ -313,27 +330,30 @@ class SetSizes:
 
     radius: float
     loop_radius: float
+    loop_lines: np.ndarray
     reach: float
     suffices: bool
 
 
 def set_sizes(fit: NominalFit, many: Sequence[Bla]) -> SetSizes:
     """Return what the set about a fit, made of these records, allows a loop."""
-    rows = [radii_of_record(fit, one, at) for one, at in parts_of_records(fit, many)]
+    parts = list(parts_of_records(fit, many))
+    rows = [radii_of_record(fit, one, at) for one, at in parts]
+    line = np.concatenate(
+        [np.arange(row.shape[1]) < fit.omega[at].size for row, (_, at) in zip(rows, parts, strict=True)]
+    )
     omega, relative, scatter, shape = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         allowed = omega / 2 / (shape**2 * ((relative / ENOUGH) ** 2 - 1)) ** 0.25
     reach = min(float(np.min(allowed[relative > ENOUGH], initial=np.inf)), float(fit.omega.max()))
-    if np.isnan(fit.omega_c):
-        return SetSizes(radius=np.nan, loop_radius=np.nan, reach=reach, suffices=False)
     target = target_loop(omega, fit.omega_c, shape)
-    loop = float(np.max(relative * target))
+    loop, least, asked = relative * target, scatter * target, not np.isnan(fit.omega_c)
     return SetSizes(
-        radius=float(relative[omega <= fit.omega_c].max()),
-        loop_radius=loop,
+        radius=float(np.max(relative[omega <= fit.omega_c])) if asked else np.nan,
+        loop_radius=float(loop.max()) if asked else np.nan,
+        loop_lines=loop[line],
         reach=reach,
-        suffices=not has_unseen_pair(fit)
-        and bool(np.all(relative * target < np.maximum(ENOUGH, NEAR_BEST * scatter * target))),
+        suffices=asked and not has_unseen_pair(fit) and bool(np.all(loop < np.maximum(ENOUGH, NEAR_BEST * least))),
     )
 
 
