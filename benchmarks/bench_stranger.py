@@ -203,9 +203,9 @@ def bound_of_truth(axis: Any) -> float:
     """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction force."""
     from nlfrf.axis import Drive
     from robust import friction_plant, prove_friction
-    from robust.drive.friction import friction_behind_lag
-    from robust.drive.p_pi import cascade
     from robust.friction import any_bounded
+    from robust.servo.checking.friction import friction_behind_lag
+    from robust.servo.gains.p_pi import cascade
 
     settings = Drive(
         fs=axis.fs,

@@ -24,10 +24,10 @@ import nlfrf
 import robust
 from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders
-from robust.drive import cascade
-from robust.drive.friction import friction_behind_lag
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
+from robust.servo import cascade
+from robust.servo.checking.friction import friction_behind_lag
 
 MOVING = 0.02  # of Fs/K0: a smaller swing is rest
 LONGEST = 40_000  # samples of a run

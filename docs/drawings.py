@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import nlfrf
 import robust
-import robust.drive
+import robust.servo
 from docs.gallery import made_from, outputs
 from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders
@@ -192,7 +192,7 @@ def verdicts_friction() -> Figure:
         ("this run rests", pi, any_maxwell_slip(1e5, 2.0), None, (-60, 60)),
     ]
     for ax, (text, settings, friction, Fs, limits) in zip(figure.subplots(2, 2).flat, rows, strict=True):
-        K = robust.drive.cascade(settings, output_unit="N")
+        K = robust.servo.cascade(settings, output_unit="N")
         proof = robust.prove_friction(free, K, friction, delay=settings.delay, Fs=Fs)
         law = VaryingSliders(stiffness=[friction.K0], strength=[1.0], stiction=friction.stiction, vs=1e-3)
         drive = replace(settings, velocity_feedforward=1.0)

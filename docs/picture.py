@@ -16,9 +16,9 @@ import robust
 from docs.gallery import outputs
 from nlfrf.axis import AxisLimits, Drive, design_experiment, design_ramp, play_experiment
 from nlfrf.plot import plot_bla, plot_blas
-from robust.drive.check import check_drive, read_experiments
-from robust.drive.friction import force_over_position
+from robust import servo
 from robust.plot import plot_friction_force, plot_nyquist
+from robust.servo.checking.friction import force_over_position
 
 STATIC = Path(__file__).resolve().parent / "_static"
 
@@ -58,8 +58,8 @@ def draw_servo_axis() -> None:
             nlfrf.save(experiment, played)
             play_experiment(axis, played, trace)
             traces.append(trace)
-        records, labels, conditions = read_experiments(traces, [ramp, moving], gains)
-    found = check_drive(records, gains, names=labels, conditions=conditions)
+        records, labels, conditions = servo.read_experiments(traces, [ramp, moving], gains)
+    found = servo.check(records, gains, names=labels, conditions=conditions)
     labels = [label.replace(" trace.csv", ",") for label in labels]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
     plot_blas([nlfrf.identify(record) for record in records], labels, ax=left)

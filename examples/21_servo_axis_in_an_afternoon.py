@@ -15,8 +15,7 @@ import matplotlib.pyplot as plt
 import nlfrf
 import robust
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, find_levels, load_trace, play_experiment
-from robust import drive
-from robust.drive.check import check_drive, read_experiments
+from robust import servo
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/21"), help="folder for files and pictures")
@@ -61,23 +60,23 @@ for name, experiment in experiments.items():
 # The gains that the autotuner of the drive proposes, on one page.
 proposed = replace(machine.drive, kv=250, kp=290, tn=0.004)
 traces = [out / f"{name}-trace.csv" for name in experiments]
-records, names, conditions = read_experiments(
+records, names, conditions = servo.read_experiments(
     traces, list(experiments.values()), proposed, u="force set point", y="position"
 )
-before = check_drive(records, proposed, names=names, conditions=conditions)
+before = servo.check(records, proposed, names=names, conditions=conditions)
 print(f"\n--- the gains of the autotuner ---\n{before}")
 
 # %%
 # Gains with more margin: ``|S|`` below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
 PI = robust.shaping.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3)
-better = drive.gains(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
-after = check_drive(records, better, names=names, conditions=conditions, fit=before.friction.fit)
+better = servo.gains_from_controller(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
+after = servo.check(records, better, names=names, conditions=conditions, fit=before.friction.fit)
 print(f"\n--- gains with more margin ---\n{after}")
 
 # %%
 # For the drive or a PLC: the same cascade as a function block.
-(out / "FB_Axis.st").write_text(drive.structured_text(better, name="FB_Axis"))
+(out / "FB_Axis.st").write_text(servo.structured_text(better, name="FB_Axis"))
 
 # %%
 # A year later the friction has doubled. In motion it is still the machine of the model. The levels at rest, read

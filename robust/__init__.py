@@ -7,7 +7,7 @@
     robust.models    nominal models, weights, sets of plants, validation
     robust.synthesis H-infinity, D-K iteration, fixed structure, tuning, two degrees of freedom, reduction
     robust.tuning    what `tune` takes: blocks, limits, plants
-    robust.drive     gains of a drive (P-PI cascade) as a controller and back, feedforward, PLC code
+    robust.servo     a servo axis: gains of its drive as a controller and back, a check against traces, PLC code
     robust.shaping   loop shaping by hand: lead, lag, notch, PID, bounds on |L|
     robust.analysis  check, worst case, families of loops, gains, step responses, levels of motion
     robust.margins   disk margins, classical margins, nu-gap
@@ -16,7 +16,7 @@
     robust.proofs    certificates
     robust.lti       sampled plants, discrete controllers
     robust.io        files: models, controllers, certificates, gains for a PLC, MATLAB
-    robust.reports   pages; robust.drive_page is that of the check of a drive
+    robust.reports   pages
     robust.plot      pictures
 
 Each public name stands in one place.
@@ -29,7 +29,7 @@ if not hasattr(lazy_loader, "attach_stub"):
 
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _submodules = (
-    *("analysis", "drive", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "shaping"),
+    *("analysis", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "servo", "shaping"),
     *("synthesis", "tuning"),
 )
 __all__ = [name for name in _names if name not in _submodules]

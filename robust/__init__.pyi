@@ -1,6 +1,5 @@
 # What most scripts need, and the submodules that hold the rest: one way to each public name.
 from . import analysis as analysis
-from . import drive as drive
 from . import friction as friction
 from . import io as io
 from . import lti as lti
@@ -10,6 +9,7 @@ from . import mu as mu
 from . import plot as plot
 from . import proofs as proofs
 from . import reports as reports
+from . import servo as servo
 from . import shaping as shaping
 from . import synthesis as synthesis
 from . import tuning as tuning

@@ -25,8 +25,6 @@ from nlfrf._base.command import (
     finish_command,
     parse_number,
     printer,
-    progress_display,
-    require_left_out,
     run_command,
     spinner,
 )
@@ -38,10 +36,12 @@ from nlfrf._base.files import (
     require_writable,
     write_text,
 )
+from robust._base.options import Discard, Period, PlayedDesign, Reference, Resample, SamplingFrequency
 from robust._base.states import FrictionVerdict, Stability
+from robust.servo.cli import servo_app
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, models, measured, pid, sampling, from_options, to_prove, prover, drive_check, shaping_page, gains_file = (
+certificates, models, measured, pid, sampling, from_options, to_prove, prover, shaping_page = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
@@ -52,9 +52,7 @@ certificates, models, measured, pid, sampling, from_options, to_prove, prover, d
         "reports.command",
         "reports.prove",
         "friction.proof.prove",
-        "drive.check",
         "reports.shaping_page.command",
-        "drive.gains_file",
     )
 )
 
@@ -80,8 +78,7 @@ OPTIONS = LOAD_OPTIONS | {
     "columns": "columns",
     "Fs": "force",
 }
-drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
-app.add_typer(drive_app, name="drive")
+app.add_typer(servo_app, name="servo")
 PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
 Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
@@ -96,15 +93,6 @@ NoiseBand = Annotated[
     float | None,
     typer.Option("--up-to", help="Level: highest frequency of that noise [Hz]; needed in a continuous loop."),
 ]
-
-
-#: How a trace is read.
-Reference = Annotated[str | None, typer.Option(help="Name of what was added to the loop, where the drive was on.")]
-SamplingFrequency = Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")]
-Period = Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")]
-Discard = Annotated[int, typer.Option(help="Periods to leave out at the start.")]
-Resample = Annotated[bool, typer.Option("--resample", help="Cut the periods where the input shows they are.")]
-PlayedDesign = Annotated[Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it.")]
 
 
 @app.callback()
@@ -623,155 +611,6 @@ def shape(
     shaping_page.write_from_files(
         out, models, K, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=late
     )
-
-
-@drive_app.command(name="check")
-def check_gains(
-    file: Annotated[
-        list[Path],
-        typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, one a level, and the gains with their units."),
-    ],
-    input: Annotated[
-        str | None,
-        typer.Option("--input", help='Current or force in the traces: "u", with --design "force set point".'),
-    ] = None,
-    output: Annotated[
-        str | None, typer.Option("--output", help='Position in the traces: "y", with --design "position".')
-    ] = None,
-    reference: Reference = None,
-    fs: SamplingFrequency = None,
-    period: Period = None,
-    discard: Discard = 0,
-    resample: Resample = False,
-    design: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="What was played, as 'nlfrf axis design' or 'design' wrote it; one, or repeated for each trace."
-        ),
-    ] = None,
-    peak: Annotated[float, typer.Option(help="Largest |S| over the set that counts as safe.")] = 2.0,
-    actual: Annotated[
-        bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
-    ] = False,
-    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
-    force: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest friction force [N] or [Nm] where the axis may hunt: how far it then moves; else as was read."
-        ),
-    ] = None,
-    within: Annotated[
-        float | None, typer.Option(help="Distance [m] or [rad] within which the axis is to stay: the page says if.")
-    ] = None,
-    spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
-    masses: Annotated[
-        int, typer.Option(help="2: friction is read of a motor and a load, which takes up to half a minute.")
-    ] = 1,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
-
-    Exit code 0 where the linear loop is proved stable for the whole set, the axis to come to rest with its friction,
-    and no warning stands on the page. Exit code 3 where the same holds of the linear loop and rest was not judged: no
-    traces at rest were given, or no friction could be read from them; the axis may hunt, within a bound if there is
-    one. Exit code 1 where not: the axis hunts in simulation, margins are thin, a trace has a warning, friction held the
-    axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity loop, as
-    that is approximated. Exit code 2: bad input.
-    """
-    traces, gains = split_gains(file)
-    settings, say = gains_file.load_gains(gains), printer(json)
-    experiments = load_experiments(design or [])
-    if experiments:
-        require_left_out({"reference": reference, "period": period, "discard": discard, "resample": resample})
-        records, names, conditions = drive_check.read_experiments(
-            traces,
-            experiments,
-            settings,
-            actual=actual,
-            n_levels=3 if masses == 1 else 6,
-            u=input or "force set point",
-            y=output or "position",
-            fs=fs,
-        )
-    else:
-        load = partial(
-            nlfrf.load_record,
-            u=input or "u",
-            y=output or "y",
-            r=reference,
-            fs=fs,
-            n_samples=period,
-            n_discard=discard,
-            resample=resample,
-            design=design[0] if design else None,
-        )
-        try:
-            records, names, conditions = drive_check.read_traces(traces, settings, actual=actual, load=load)
-        except ValueError:
-            if input is None and not design:
-                require_design(traces)
-            raise
-    with progress_display("checking", even=False) as advance:
-        found = drive_check.check_drive(
-            records,
-            settings,
-            names=names,
-            conditions=conditions,
-            progress=advance,
-            peak=peak,
-            actual=actual,
-            stiction=stiction,
-            Fs=force,
-            spring=spring,
-            masses=masses,
-            within=within,
-        )
-    say(found)
-    if out is not None and out.suffix.lower() in (".html", ".htm"):
-        from robust.drive_page import write_drive_page
-
-        with spinner("drawing"):
-            write_drive_page(out, found, records, names=names, conditions=conditions)
-    elif out is not None:
-        write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
-    passed = found.verdict is not drive_check.DriveVerdict.NOT_PASSED
-    finish_command(found.to_values() if json else found, found.safe, json, code=3 if passed else 1)
-
-
-def split_gains(files: list[Path]) -> tuple[list[Path], Path]:
-    """Return the traces among files, and the one that has the gains."""
-    gains = [path for path in files if path.suffix.lower() == ".toml"]
-    traces = [path for path in files if path not in gains]
-    if len(gains) != 1 or not traces:
-        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, files))}")
-    return traces, gains[0]
-
-
-def load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
-    """Return the experiments on a drive that were played; none where it was one multisine."""
-    played = [nlfrf.load(one) for one in designs]
-    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
-    if len(played) > max(len(experiments), 1):
-        raise ValueError(
-            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
-        )
-    return experiments
-
-
-def require_design(traces: list[Path]) -> None:
-    """Refuse the trace of a servo axis without its design, which has the names of the signals and the periods."""
-    from nlfrf.io.channels import read_channels
-
-    for path in traces:
-        file = read_channels(path)
-        if file.full_name("u") not in file.arrays and file.full_name("force set point") in file.arrays:
-            raise ValueError(
-                f"design must be given for {path.name}, which looks like the trace of a servo axis: the .npz that "
-                "'nlfrf axis design' wrote. For another trace give --input and --output"
-            ) from None
 
 
 def synthesise(

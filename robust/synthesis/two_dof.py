@@ -336,7 +336,7 @@ def feedforward_filter(
         raise ValueError(
             f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "
             "a loop around it first (cascade), or take prefilter, which feeds the closed loop; for a free mass "
-            "robust.drive.feedforward"
+            "robust.servo.feedforward"
         )
     T_ref = on_time_base(reference, loop.dt)
     found = synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")

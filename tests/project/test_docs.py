@@ -170,7 +170,7 @@ def test_links_to_the_tree_become_links_to_pages():
     ]
     source = ["[`structured_text`](../robust/drive/plc.py)"]
     api.link_to_pages(None, "faq", source)
-    assert source == ["[`structured_text`](generated/api/robust.drive.structured_text.rst)"]
+    assert source == ["[`structured_text`](generated/api/robust.servo.structured_text.rst)"]
 
 
 def questions():

@@ -22,7 +22,13 @@ OWN = {
     *("nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
     *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.export_csv", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.io.controller_sections", "robust.io.export_matlab", "robust.frd"),
-    *("robust.drive.load_gains", "robust.models.Origin"),
+    *(
+        "robust.servo.load_gains",
+        "robust.servo.read_experiments",
+        "robust.servo.read_traces",
+        "robust.servo.write_page",
+    ),
+    "robust.models.Origin",
     *("robust.reports.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
 }
 

@@ -39,7 +39,7 @@ COMMANDS = (
     "robust prove model.json Kc.json --stiffness 8e4 -o {}",
     "robust prove bla.npz bla.npz bla.npz Kc.json --nominal model.json -o {}",
     "robust orders bla.npz --picture {}",
-    "robust drive check rec.npz gains.toml -o {}",
+    "robust servo check rec.npz gains.toml -o {}",
     "robust export Kc.json -o {}",
     "robust report model.json Kc.json --bla bla.npz --record rec.npz -o {}",
     "robust shape model.json --controller Kc.json -o {}",

@@ -7,7 +7,7 @@ from hashlib import sha256
 from robust.friction.reading.identification import identify_friction
 
 #: Where the packages call `identify_friction`.
-CALLERS = ("robust.drive.friction", "robust.friction.reading.friction_class")
+CALLERS = ("robust.servo.checking.friction", "robust.friction.reading.friction_class")
 _FITS = {}
 
 

@@ -1,4 +1,4 @@
-"""The linear part of a simulated servo axis, and its drive as settings of `robust.drive`."""
+"""The linear part of a simulated servo axis, and its drive as settings of `robust.servo`."""
 
 from dataclasses import replace
 

@@ -173,7 +173,7 @@ class FrictionProof:
     >>> proof.verdict, proof.counterexample
     ('proved', None)
     >>> from nlfrf.axis import Drive
-    >>> from robust.drive import cascade
+    >>> from robust.servo import cascade
     >>> K = cascade(Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04), output_unit="N")
     >>> proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(1e5, 2.0), Fs=1.0)
     >>> proof.verdict, bool(proof.settling_error < 0.8 * proof.error_bound)

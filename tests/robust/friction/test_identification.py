@@ -27,8 +27,6 @@ from benchmarks.read_machine import (
 )
 from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders, element_forces, load_forces
-from robust.drive import cascade
-from robust.drive.friction import judge_friction
 from robust.friction.reading.balance import (
     LOAD,
     Candidate,
@@ -43,6 +41,8 @@ from robust.friction.reading.balance import (
     with_branches,
 )
 from robust.friction.reading.identification import without_noisy_lines
+from robust.servo import cascade
+from robust.servo.checking.friction import judge_friction
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 

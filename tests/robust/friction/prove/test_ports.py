@@ -9,7 +9,6 @@ import pytest
 import robust
 from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
 from nlfrf.axis import Drive
-from robust.drive import cascade
 from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
 from robust.friction.plant import (
     FrictionPlant,
@@ -25,6 +24,7 @@ from robust.friction.proof.multipliers import filter_rates, multiplier_terms, ne
 from robust.friction.proof.prove import prove_friction
 from robust.friction.proof.storage import certified_dissipation
 from robust.io.certificates import verify_certificate
+from robust.servo import cascade
 
 T = 1 / 4000
 #: The ball screw preset with twice its velocity gain, without the lag of its current.

@@ -9,7 +9,6 @@ from scipy.integrate import quad
 
 from nlfrf.axis import Drive
 from robust import friction_plant, prove_friction, sampled
-from robust.drive import cascade
 from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.nominal import machines_of_nominal, undamped
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
@@ -23,6 +22,7 @@ from robust.friction.proof.storage import (
     judge_storage,
     proposed_storage,
 )
+from robust.servo import cascade
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
 from tests.support.printed import unwrapped
 

@@ -13,18 +13,18 @@ from nlfrf import Record
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.files import page_path, write_text
 from robust._base.states import FrictionVerdict
-from robust.drive.check import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
-from robust.drive.friction import force_over_position
-from robust.drive.simulation import SHOWN
 from robust.plot.friction import RestCase
 from robust.reports import parts
 from robust.reports.parts import Banner, Section, render_page
+from robust.servo.checking.findings import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
+from robust.servo.checking.friction import force_over_position
+from robust.servo.checking.simulation import SHOWN
 
 #: Colours of the page for a verdict; one that was not judged has those of a warning.
 STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
 
 
-def write_drive_page(
+def write_page(
     path: str | os.PathLike[str],
     found: DriveCheck,
     records: Sequence[Record],
@@ -33,14 +33,14 @@ def write_drive_page(
     conditions: Sequence[Conditions] = (),
     title: str = "Check of a drive",
 ) -> None:
-    """Write a check of the gains of a drive as one HTML file with pictures, as `robust drive check -o page.html` does.
+    """Write a check of the gains of a drive as one HTML file with pictures, as `robust servo check -o page.html` does.
 
     Parameters
     ----------
     path : path
         The ``.html`` file; written whole or not at all.
     found : DriveCheck
-        From `robust.drive.check.check_drive`.
+        From `robust.servo.checking.judge.check`.
     records : sequence of nlfrf.Record
         The traces that were checked.
     names : sequence of str
@@ -60,14 +60,14 @@ def write_drive_page(
     >>> import tempfile
     >>> from pathlib import Path
     >>> from nlfrf.axis import Drive
-    >>> from robust.drive.check import check_drive
+    >>> from robust.servo import check
     >>> axis = nlfrf.servo_axis("linear motor")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
     >>> record = nlfrf.rig.simulate_servo(axis, ms, n_periods=2, base_velocity=0.1)
     >>> gains = Drive(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
-    >>> found = check_drive([record], gains, conditions=[Conditions(motion=BaseMotion.MOVING, velocity=0.1)])
+    >>> found = check([record], gains, conditions=[Conditions(motion=BaseMotion.MOVING, velocity=0.1)])
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_drive_page(Path(folder, "page.html"), found, [record])
+    ...     write_page(Path(folder, "page.html"), found, [record])
     ...     text = Path(folder, "page.html").read_text(encoding="utf-8")
     >>> found.conclusion[:20] in text, "http" in text.replace("http-equiv", "")
     (True, False)

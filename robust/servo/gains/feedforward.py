@@ -22,13 +22,13 @@ from nlfrf._base.arguments import require_kind, require_nonnegative, require_rea
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
-from robust.drive.controller_gains import solve_relative
 from robust.friction.plant import FrictionPlant
 from robust.friction.reading.assumed_class import FrictionClass
 from robust.friction.reading.from_blas import SIGMAS
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
+from robust.servo.gains.controller import solve_relative
 
 #: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
 MISFIT = 1e-6

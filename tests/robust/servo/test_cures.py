@@ -6,8 +6,8 @@ import pytest
 
 from nlfrf.axis import Drive
 from robust import friction_plant, prove_friction
-from robust.drive import cascade, friction_cures
 from robust.friction import any_maxwell_slip
+from robust.servo import cascade, friction_cures
 
 SETTINGS = Drive(fs=1000, kv=31, kp=1.26, kp_unit="Nm/(rad/s)", tn=0.04)
 MACHINE = friction_plant(0.01, 0.0, position_unit="rad")

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 import robust
 from nlfrf.axis import Drive
-from robust.drive import cascade, feedforward
+from robust.servo import cascade, feedforward
 from tests.support.linear_axis import frictionless, settings_of
 
 DRIVE = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3)

@@ -11,11 +11,11 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.states import FrictionVerdict
-from robust.drive.p_pi import cascade
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
 from robust.friction.proof.ports import largest_forces
 from robust.friction.proof.prove import prove_friction
+from robust.servo.gains.p_pi import cascade
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 STEP = 1.5

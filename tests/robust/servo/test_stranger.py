@@ -5,8 +5,9 @@ import pytest
 
 import nlfrf
 from benchmarks import bench_stranger
-from robust.drive import load_gains
-from robust.drive.check import check_drive, read_experiments
+from robust.servo import check as check_drive
+from robust.servo import load_gains
+from robust.servo.checking.read import read_experiments
 
 pytestmark = [
     pytest.mark.skipif(not bench_stranger.RIG.is_file(), reason="the independent axis is not beside the project"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
 from nlfrf.axis import Drive
-from robust.drive.p_pi import velocity_section
+from robust.servo.gains.p_pi import velocity_section
 
 #: Words of IEC 61131-3 that no block can be named after.
 RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}

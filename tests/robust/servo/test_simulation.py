@@ -8,9 +8,12 @@ import pytest
 
 import nlfrf
 from nlfrf.axis import Drive
-from robust.drive.check import DriveCheck, DriveVerdict, simulate_drive
-from robust.drive.friction import DriveFriction
-from robust.drive.simulation import (
+from robust.friction.reading.force import FrictionForce
+from robust.friction.reading.in_motion import SlidingFit
+from robust.servo.checking.findings import DriveCheck, DriveVerdict
+from robust.servo.checking.friction import DriveFriction
+from robust.servo.checking.judge import simulate_drive
+from robust.servo.checking.simulation import (
     FEWEST,
     RUNS,
     SimulatedRest,
@@ -20,8 +23,6 @@ from robust.drive.simulation import (
     with_advice,
     with_load,
 )
-from robust.friction.reading.force import FrictionForce
-from robust.friction.reading.in_motion import SlidingFit
 
 #: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
 SETTINGS = Drive(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)

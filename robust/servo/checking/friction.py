@@ -16,9 +16,6 @@ import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.states import FrictionVerdict
-from robust.drive.cures import FrictionCure, friction_cures
-from robust.drive.p_pi import cascade
-from robust.drive.simulation import SimulatedRest
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, pad_states
 from robust.friction.proof.certify import FrictionProof
@@ -31,6 +28,9 @@ from robust.friction.reading.from_fit import interval_at_port, largest_damping, 
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, format_plain
+from robust.servo.checking.cures import FrictionCure, friction_cures
+from robust.servo.checking.simulation import SimulatedRest
+from robust.servo.gains.p_pi import cascade
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3
@@ -378,7 +378,7 @@ def judge_friction(
     fit: FrictionFit | None = None,
     sliding: SlidingFit | None = None,
 ) -> DriveFriction:
-    """Read the friction from traces at rest, and prove the loop with it; the other parameters as of `check_drive`.
+    """Read the friction from traces at rest, and prove the loop with it; the other parameters as of `check`.
 
     records : force in, position out, each at rest.
     actual : whether their input is the actual force, in which delay and lag of the settings do not show.

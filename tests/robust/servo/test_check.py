@@ -1,4 +1,4 @@
-"""The command `robust drive check`: traces and gains in, one page out, held against the axis behind the traces."""
+"""The command `robust servo check`: traces and gains in, one page out, held against the axis behind the traces."""
 
 import html
 import io
@@ -18,24 +18,22 @@ import nlfrf
 import robust
 from robust import cli
 from robust._base.states import Verdict
-from robust.drive import cascade, load_gains
-from robust.drive import check as drive_check
-from robust.drive.check import (
-    BaseMotion,
-    Conditions,
-    DoubtKind,
-    DriveCheck,
-    RecordedGains,
-    check_drive,
-    compare_gains,
-    doubt_of_unstable_model,
-    read_experiments,
-    read_trace,
-)
-from robust.drive.friction import force_over_position, friction_behind_lag, largest_added_delay
-from robust.drive_page import write_drive_page
 from robust.friction.reading.force import edge_of_level
 from robust.lti.sampling import hold_correction
+from robust.servo import cascade, load_gains
+from robust.servo import check as check_drive
+from robust.servo.checking import judge
+from robust.servo.checking.doubts import doubt_of_unstable_model
+from robust.servo.checking.findings import BaseMotion, Conditions, DoubtKind, DriveCheck, DriveVerdict, RecordedGains
+from robust.servo.checking.friction import (
+    DriveFriction,
+    force_over_position,
+    friction_behind_lag,
+    largest_added_delay,
+)
+from robust.servo.checking.machine import fit_orders
+from robust.servo.checking.read import compare_gains, read_experiments, read_trace
+from robust.servo.page import write_page
 from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
@@ -138,7 +136,7 @@ def four_traces(folder):
 def run(folder, monkeypatch, capsys):
     def command(words):
         monkeypatch.chdir(folder)
-        monkeypatch.setattr(sys, "argv", ["robust", "drive", "check", *words.split()])
+        monkeypatch.setattr(sys, "argv", ["robust", "servo", "check", *words.split()])
         with pytest.raises(SystemExit) as stop:
             cli.main()
         printed = capsys.readouterr()
@@ -209,11 +207,11 @@ def short(folder, played, friction_read_once):
     designs = " ".join(f"--design {name}.npz" for name in [*LEVELS, "motion"])
     words = f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 --within 1 -o page.html"
     found, printed = [], io.StringIO()
-    check_it = drive_check.check_drive
+    check_it = judge.check
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
-        patch.setattr(sys, "argv", ["robust", "drive", "check", *words.split()])
-        patch.setattr(drive_check, "check_drive", lambda *one, **how: found.append(check_it(*one, **how)) or found[0])
+        patch.setattr(sys, "argv", ["robust", "servo", "check", *words.split()])
+        patch.setattr(judge, "check", lambda *one, **how: found.append(check_it(*one, **how)) or found[0])
         with pytest.raises(SystemExit) as stop:
             cli.main()
     return stop.value.code, printed.getvalue(), (folder / "page.html").read_text(encoding="utf-8"), found[0]
@@ -233,7 +231,7 @@ def test_an_axis_that_settles_may_move_for_ever(short):
         r"friction up to \S+ N\. Asked were 1 m: yes hunts: not seen in simulation change: to prove more: ",
         page,
     )
-    assert (found.verdict, bool(first)) == (drive_check.DriveVerdict.NOT_PASSED, True), page
+    assert (found.verdict, bool(first)) == (DriveVerdict.NOT_PASSED, True), page
     assert "It may move within that for ever." in page
     assert re.search(r"while that acts: settles, may move within \S+ m for ever", page)
 
@@ -252,7 +250,7 @@ def test_the_page_in_html_shows_what_was_found_in_pictures(short):
             assert one_line(row).rpartition("linear, without limits: ")[2] in said
     assert "thin margins: |S| reaches" in said
     with pytest.raises(ValueError, match=r"path must end in .html, got 'page.pdf'"):
-        write_drive_page("page.pdf", None, [])
+        write_page("page.pdf", None, [])
 
 
 @pytest.mark.usefixtures("played")
@@ -271,8 +269,8 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.full(2, np.nan))
 
     def bound(machine, force):
-        friction = drive_check.DriveFriction(force=force)
-        return drive_check.with_bound(friction, settings, machine=machine, slides=True, Fs=26.0, unit="N").within
+        friction = DriveFriction(force=force)
+        return judge.with_bound(friction, settings, machine=machine, slides=True, Fs=26.0, unit="N").within
 
     fitted = control.ss(rigid * (s + 9.1e6) / (s + 9e6))
     assert np.isnan(bound(fitted, None))
@@ -708,7 +706,7 @@ def test_a_free_axis_is_not_taken_for_its_resonance_where_scatter_explains_no_fi
     both = (motor * s**2 + c * s + spring) * (load * s**2 + c * s + spring) - spring**2
     G = np.exp(-60e-6 * s) * (load * s**2 + c * s + spring) / both
     gain = control.ss([], [], [], [[1 / abs(G[5])]])
-    fit, _ = drive_check.fit_orders(nlfrf.bla_from_frf(f, G, std=1e-5 * np.abs(G), n_averages=8), gain)
+    fit, _ = fit_orders(nlfrf.bla_from_frf(f, G, std=1e-5 * np.abs(G), n_averages=8), gain)
     assert fit.G.nstates >= 4
     assert np.median(np.abs(fit.response / G - 1)) < 0.02
 
@@ -779,8 +777,8 @@ def test_an_unstable_loop_gives_no_bound_of_friction():
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.array([20.0, 26.0]))
 
     def judged(slides):
-        friction = drive_check.DriveFriction(force=force)
-        return drive_check.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
+        friction = DriveFriction(force=force)
+        return judge.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
 
     assert judged(True).outcome == judged(False).outcome == "open"
     assert "No bound by what is read in motion: the sliding loop is unstable" in judged(True).note

@@ -9,10 +9,10 @@ import pytest
 import robust
 from nlfrf.axis import Drive
 from robust import tuning
-from robust.drive import cascade, to_blocks, with_blocks
-from robust.drive.p_pi import with_set_point
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
+from robust.servo import cascade, to_blocks, with_blocks
+from robust.servo.gains.p_pi import with_set_point
 from robust.tuning import Biquad, LowPass, Notch
 
 HZ = 2 * np.pi  # rad/s

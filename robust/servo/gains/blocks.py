@@ -14,7 +14,8 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from nlfrf.axis import Drive
-from robust.drive.p_pi import (
+from robust.lti.lti import with_names
+from robust.servo.gains.p_pi import (
     hold_mean,
     realise_fir,
     realise_section,
@@ -22,7 +23,6 @@ from robust.drive.p_pi import (
     velocity_section,
     warn_of_slow_position_loop,
 )
-from robust.lti.lti import with_names
 from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 
 LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for

@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf
 from nlfrf.axis import Drive
-from robust.drive import cascade, structured_text
+from robust.servo import cascade, structured_text
 from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless, settings_of
 

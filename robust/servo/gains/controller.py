@@ -24,10 +24,10 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
-from robust.drive.p_pi import hold_mean, realise_section, velocity_section
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
+from robust.servo.gains.p_pi import hold_mean, realise_section, velocity_section
 
 #: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
 MISFIT = 1e-6
@@ -59,9 +59,9 @@ class DriveReading:
     Examples
     --------
     >>> from nlfrf.axis import Drive
-    >>> from robust.drive import cascade
+    >>> from robust.servo import cascade
     >>> settings = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
-    >>> found = gains(cascade(settings), like=settings)
+    >>> found = gains_from_controller(cascade(settings), like=settings)
     >>> round(found.settings.kv, 6), round(found.settings.kp, 6), round(found.settings.tn, 9), found.misfit < 1e-9
     (60.0, 143.0, 0.01, True)
     """
@@ -76,7 +76,7 @@ class DriveReading:
         return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
 
 
-def gains(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReading:
+def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReading:
     """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
 
     A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.
@@ -113,7 +113,7 @@ def gains(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReadin
     >>> from nlfrf.axis import Drive
     >>> from robust.shaping import pid
     >>> drive = Drive(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
-    >>> found = gains(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings
+    >>> found = gains_from_controller(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings
     >>> [round(number, 2) for number in (found.kv, 1e3 * found.tn, found.kp, 1e3 * found.velocity_lag)]
     [41.41, 10.98, 2.12, 0.38]
     """

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 import robust
 from nlfrf.axis import Drive
-from robust.drive import cascade, gains
+from robust.servo import cascade, gains_from_controller
 from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless
 
@@ -45,7 +45,7 @@ def test_a_cascade_comes_back(more):
     if "position_unit" in more and "unit_factor" not in more:
         more = more | {"unit_factor": 1e-3, "load_factor": 1e-3}
     settings = replace(BASE, **more)
-    found = gains(cascade(settings), like=replace(settings, **BLANK))
+    found = gains_from_controller(cascade(settings), like=replace(settings, **BLANK))
     same(found.settings if found.settings.kv == pytest.approx(settings.kv, rel=1e-3) else found.alternative, settings)
     assert found.misfit < 1e-9
 
@@ -54,16 +54,16 @@ def test_a_slow_position_loop_comes_back():
     settings = replace(BASE, position_every=4)
     with pytest.warns(robust.DesignWarning, match="position loop runs"):
         K = cascade(settings)
-    same(gains(K, like=replace(settings, **BLANK)).settings, settings)
+    same(gains_from_controller(K, like=replace(settings, **BLANK)).settings, settings)
 
 
 def test_output_units_are_kept_apart():
     K = cascade(BASE, output_unit="N")
-    same(gains(K, like=replace(BASE, **BLANK), output_unit="N").settings, BASE)
+    same(gains_from_controller(K, like=replace(BASE, **BLANK), output_unit="N").settings, BASE)
 
 
 def test_both_solutions_are_the_same_controller():
-    found = gains(cascade(BASE), like=BASE)
+    found = gains_from_controller(cascade(BASE), like=BASE)
     assert found.settings.kv < found.alternative.kv
     angles = np.exp(1j * np.geomspace(1e-4, 3, 30))
     one, other = (cascade(settings)(angles) for settings in (found.settings, found.alternative))
@@ -75,7 +75,7 @@ def test_both_solutions_are_the_same_controller():
 def test_a_pid_is_the_cascade_of_the_derivation(sampled):
     Kp, Ki, Kd, Tf, dt = 280.0, 8000.0, 2.0, 2e-3, BASE.dt
     K = robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf, dt=dt if sampled else 0.0)
-    found = gains(K, like=BASE).settings
+    found = gains_from_controller(K, like=BASE).settings
     # the sampled low-pass on the velocity is half a period faster than the filter
     assert found.velocity_lag == pytest.approx(Tf - dt / 2, rel=1e-6)
     # continuous: (Kp Tf + Kd) s^2 + (Kp + Ki Tf) s + Ki
@@ -93,9 +93,9 @@ def test_a_design_from_the_frf_is_read():
     dt, like = 1 / 4000, replace(BASE, **BLANK)
     free = robust.design_frf(bla, "PID", M_S=2.0, dt=dt, positive=True)
     with pytest.raises(ValueError, match=r"two real zeros.*got 1\.\d+ times as much.*fixed PI"):
-        gains(free.K, like=like, output_unit="N")
+        gains_from_controller(free.K, like=like, output_unit="N")
     design = robust.design_frf(bla, "PD", M_S=2.0, dt=dt, fixed=robust.shaping.pid(1.0, 100.0, dt=dt))
-    found = gains(design.K, like=like, output_unit="N").settings
+    found = gains_from_controller(design.K, like=like, output_unit="N").settings
     z = np.exp(1j * np.geomspace(1e-4, 3, 50))
     assert np.allclose(cascade(found, output_unit="N")(z), design.K(z), rtol=1e-9)
     assert found.kp > 30
@@ -106,7 +106,7 @@ def test_complex_zeros_are_refused_with_the_number():
     Kp, Ki, Kd, Tf = 180.0, 4000.0, 2.0, 0.5e-3  # in the sampled filter the number is that of continuous time
     number = 4 * Ki * (Kp * Tf + Kd) / (Kp + Ki * Tf) ** 2
     with pytest.raises(ValueError, match=rf"K must have two real zeros .*got {number:.3g}\d? times as much"):
-        gains(robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf), like=BASE)
+        gains_from_controller(robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf), like=BASE)
 
 
 @pytest.mark.parametrize(
@@ -128,10 +128,10 @@ def test_complex_zeros_are_refused_with_the_number():
 )
 def test_what_is_no_cascade_is_refused(K, message):
     with pytest.raises(ValueError, match=message):
-        gains(K, like=BASE)
+        gains_from_controller(K, like=BASE)
 
 
 def test_the_misfit_is_a_number():
     like = replace(BASE, observer_frequency=400.0)
     with pytest.raises(ValueError, match=r"nearest such cascade misses by \d\.\d+ of its size"):
-        gains(cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like)
+        gains_from_controller(cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like)

@@ -1,9 +1,0 @@
-from .blocks import to_blocks as to_blocks
-from .blocks import with_blocks as with_blocks
-from .controller_gains import gains as gains
-from .cures import FrictionCure as FrictionCure
-from .cures import friction_cures as friction_cures
-from .feedforward_gains import feedforward as feedforward
-from .gains_file import load_gains as load_gains
-from .p_pi import cascade as cascade
-from .plc import structured_text as structured_text

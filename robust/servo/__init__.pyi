@@ -1,0 +1,13 @@
+from .checking.cures import FrictionCure as FrictionCure
+from .checking.cures import friction_cures as friction_cures
+from .checking.judge import check as check
+from .checking.read import read_experiments as read_experiments
+from .checking.read import read_traces as read_traces
+from .gains.blocks import to_blocks as to_blocks
+from .gains.blocks import with_blocks as with_blocks
+from .gains.controller import gains_from_controller as gains_from_controller
+from .gains.feedforward import feedforward as feedforward
+from .gains.gains_file import load_gains as load_gains
+from .gains.p_pi import cascade as cascade
+from .gains.plc import structured_text as structured_text
+from .page import write_page as write_page

@@ -1,0 +1,383 @@
+"""Gains of a drive checked against traces of its axis, on one page: set, worst case, friction, step.
+
+    u* -->[delay]-->[1/(lag s + 1)]-->[ machine ]--> y        delay and lag are those of the settings
+
+The machine is what a trace leaves once delay and lag are taken off, where its input is the set point of the current.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import count
+
+import control
+import numpy as np
+
+import nlfrf
+from nlfrf._base.arguments import (
+    ratio_unit,
+    require_kind,
+    require_positive,
+)
+from nlfrf.axis import Drive
+from robust._base.states import Verdict
+from robust.analysis.loop import assemble_loop
+from robust.analysis.performance import StepResponse, measure_step, simulate_step
+from robust.analysis.report import RobustnessReport
+from robust.analysis.robustness import check as check_loop
+from robust.friction.classes import any_bounded
+from robust.friction.plant import friction_plant
+from robust.friction.reading.force import FrictionForce, read_friction_force
+from robust.friction.reading.from_blas import highest_level
+from robust.friction.reading.from_fit import plant_of_fit
+from robust.friction.reading.identification import FrictionFit
+from robust.models.sets.build import uncertainty
+from robust.models.sets.model import UncertaintyModel
+from robust.servo.checking.doubts import (
+    doubt_of_approximation,
+    doubt_of_crossover,
+    doubt_of_margins,
+    doubt_of_trace_at_rest,
+    doubt_of_unstable_model,
+    doubts_of_warnings,
+    stabilizing_factor,
+)
+from robust.servo.checking.findings import BaseMotion, Conditions, DoubtKind, DriveCheck, describe_trace
+from robust.servo.checking.friction import MODEL, READ, UNCERTIFIED, DriveFriction, bound_any_friction, judge_friction
+from robust.servo.checking.machine import behind_lag, fit_machine, timings_of
+from robust.servo.checking.read import collect_warnings
+from robust.servo.checking.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
+from robust.servo.gains.p_pi import cascade, with_set_point
+
+#: Why friction that creeps is not read as a class whose rest can be proved.
+CREEP_NOTE = (
+    "the friction creeps below break-away, or is damped there, as LuGre, Dahl and hysteresis with micro-damping do: no "
+    "rest of such friction is proved"
+)
+
+
+def check(
+    records: Sequence[nlfrf.Record],
+    settings: Drive,
+    *,
+    names: Sequence[str] = (),
+    actual: bool = False,
+    conditions: Sequence[Conditions] = (),
+    peak: float = 2.0,
+    stiction: float = 1.5,
+    Fs: float | None = None,
+    spring: bool = False,
+    masses: int = 1,
+    within: float | None = None,
+    fit: FrictionFit | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> DriveCheck:
+    """Check the gains of a drive against traces of its axis, one a level.
+
+    The friction is read by `identify_friction` from the traces at rest, three levels or more; those whose condition is
+    not known count as at rest.
+
+    Parameters
+    ----------
+    records : sequence of nlfrf.Record
+        From `read_trace`: set point of force or current in, position out.
+    settings : Drive
+        Gains, filters, sampling and units.
+    names : sequence of str
+        Of the traces.
+    actual : bool
+        Whether the input is the actual current or force, so that delay and lag are not in the traces.
+    conditions : sequence of Conditions
+        Under which each trace was recorded, from `read_experiments`; not known where not given.
+    peak : float
+        Largest |S| over the set that is not warned of; 2 when not given.
+    stiction : float
+        Largest over smallest force of a slider; the upper end of what was read where that is more.
+    Fs : float, optional
+        Largest friction force [N] or [Nm], for a bound of the error where the axis may not come to rest, and what
+        changes it; the upper end of the break-away force that was read when not given. Where no friction was read, the
+        bound is that of `any_bounded` around the linear model.
+    spring : bool
+        Whether a spring to ground, such as a balancer, is part of the machine.
+    masses : int
+        2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
+    within : float, optional
+        Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
+    fit : FrictionFit, optional
+        What was read from these traces at rest before, as `friction.fit` of a check of other gains: reading it again
+        takes seconds. `spring` and `masses` are then those of the fit.
+    progress : callable, optional
+        Called with the steps that are done, and their number.
+
+    Returns
+    -------
+    DriveCheck
+        Verdict, margins, friction and doubts; printed, it is the page of `robust servo check`.
+
+    Raises
+    ------
+    ValueError
+        Two encoders; traces that make no model; a delay that is longer than in the traces; a fit in other units; a
+        largest friction force for a loop in A.
+
+    References
+    ----------
+    SP 2.4.3: max |S| below 2, a phase margin of 30 deg or more.
+
+    Examples
+    --------
+    >>> from nlfrf.axis import Drive
+    >>> axis = nlfrf.servo_axis("linear motor")
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
+    >>> record = nlfrf.rig.simulate_servo(axis, ms, n_periods=2, base_velocity=0.1)
+    >>> gains = Drive(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
+    >>> check([record], gains).linear_passed
+    True
+    """
+    require_kind("settings", settings, Drive)
+    peak, unit, base = require_positive("peak", peak), records[0].u_unit, settings.base_unit
+    require_units(settings, unit, within=within, Fs=Fs, fit=fit)
+    settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
+    K = cascade(settings, output_unit=unit)
+    names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
+    under = list(conditions) or [Conditions()] * len(records)
+    blas, warned = [], []
+    advance = count_steps(progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation")))
+    for name, record in zip(names, records, strict=True):
+        with collect_warnings(name) as texts:
+            blas.append(nlfrf.identify(record))
+        warned.append(texts)
+        advance()
+    moving = in_motion(under)
+    candidates = moving or list(range(len(records)))
+    chosen = candidates[highest_level([blas[k] for k in candidates])]
+    given = settings
+    timings = [settings] if actual else timings_of(records[chosen], settings, masses, slides=chosen in moving)
+    machine_bla, nominal, settings = fit_machine(blas[chosen], timings, actual=actual)
+    advance()
+    at_rest = [record for k, record in enumerate(records) if k not in moving]
+    force, note = (None, "") if fit is not None else read_force(records, under, masses)
+    if force is not None and force.creeps:
+        friction = DriveFriction(note=CREEP_NOTE)
+    else:
+        friction = judge_friction(
+            at_rest,
+            settings,
+            actual=actual,
+            stiction=stiction,
+            Fs=Fs,
+            spring=spring,
+            masses=masses,
+            fit=fit,
+            sliding=None if force is None else force.sliding,
+        )
+    friction = with_notes(replace(friction, force=force), under, note)
+    advance()
+    # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
+    machine = uncertainty(machine_bla, replace(nominal, warnings=()))
+    model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
+    report = replace(check_loop(model, K, delay=settings.delay), peak=peak)
+    factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
+    advance()
+    doubted = [
+        None
+        if friction.assumed is not None
+        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)),
+        doubt_of_crossover(report),
+        doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
+        doubt_of_margins(report),
+        doubt_of_approximation(settings),
+    ]
+    doubts = list(filter(None, doubted))
+    kinds = {doubt.kind for doubt in doubts}
+    misled = bool(kinds & {DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED})
+    stable = report.nominally_stable or DoubtKind.CONTRADICTED in kinds
+    # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
+    doubts += doubts_of_warnings(under, [warned[k] for k in moving or [chosen]])
+    linear = machine.nominal if report.nominally_stable and not misled else None
+    slides = stable and DoubtKind.AT_REST not in kinds
+    friction = with_bound(friction, settings, machine=linear, slides=slides, Fs=Fs, unit=unit)
+    advance()
+    friction = simulate_drive(friction, settings, model=model, report=report, stable=stable, masses=masses)
+    advance()
+    return DriveCheck(
+        settings=settings,
+        unit=unit,
+        traces=tuple(map(describe_trace, names, records, blas)),
+        base=names[chosen],
+        report=report_of_drive(report, misled=misled),
+        step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
+        friction=friction,
+        actual=actual,
+        doubts=tuple(doubts),
+        given=given,
+        asked=within,
+    )
+
+
+def require_units(
+    settings: Drive, unit: str, *, within: float | None, Fs: float | None, fit: FrictionFit | None
+) -> None:
+    """Refuse two encoders, and what is in no unit of the traces, whose force is in `unit`."""
+    if within is not None:
+        require_positive("within", within)
+    if settings.encoder == "both":
+        raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
+    if Fs is not None and require_positive("Fs", Fs) and unit == "A":
+        raise ValueError(
+            f"Fs must be left out where traces and gains are in A and no torque_constant says how many {unit} that is, "
+            f"got {Fs:g} {settings.force_unit}"
+        )
+    if fit is not None:
+        require_kind("fit", fit, FrictionFit)
+        if fit.units != (unit, settings.base_unit):
+            raise ValueError(
+                f"fit must be in {unit} and {settings.base_unit} as the traces, got {' and '.join(fit.units)}"
+            )
+
+
+def with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
+    """Return the friction with why some of it was not read; `note` is why not in motion."""
+    if friction.fit is None and under[0].unread:
+        friction = replace(friction, note="; ".join(under[0].unread))
+    if note:
+        friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
+    if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
+        friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+    return friction
+
+
+def with_bound(
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    machine: control.StateSpace | None,
+    slides: bool,
+    Fs: float | None,
+    unit: str,
+) -> DriveFriction:
+    """Return the friction with a bound of the error, where its largest force is known and nothing better was proved.
+
+    machine : the linear model; None where it does not judge these gains. The bound is then of what was read in motion,
+    where the axis slides in a loop that is stable. Fs : as given, else the upper end of what was read.
+    """
+    force = friction.force
+    largest = Fs if Fs is not None or force is None else float(force.Fs[1])
+    if largest is None or not np.isfinite(largest) or np.isfinite(friction.within):
+        return friction
+    damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
+    any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
+    plants, two = [], force is not None and force.load is not None
+    if machine is not None and not two:
+        plants = [(friction_plant(machine, position_unit=settings.base_unit), MODEL)]
+    if force is not None and slides:  # a fit may have modes that no bound can follow: then what the trace shows
+        read = plant_of_fit(force.sliding, encoder=settings.encoder)
+        read = replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag))
+        plants.append((read, READ if machine is not None else UNCERTIFIED))
+    if not plants:
+        return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
+    for one, whose in plants:
+        try:
+            bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
+        except ValueError as error:  # a delay that is too long for it
+            return replace(friction, note=f"{friction.note}. No bound: {error}".lstrip(". "))
+        found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
+        if np.isfinite(bounded.error_bound):
+            return found
+    unknown = replace(friction, note=f"{friction.note}. No bound by what is read in motion: {bounded.reason}")
+    return unknown if machine is None else found
+
+
+def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
+    """Return the report without what it must not say: advice on an unstable model, a verdict by a trace that misled."""
+    if report.verdict is Verdict.NOT_ROBUST and misled:
+        what = report.reason if report.nominally_stable else f"the model is {report.reason}"
+        reason = f"{what}; but this trace cannot judge these gains, see the warning"
+        return replace(report, verdict=Verdict.NOT_CERTIFIED, reason=reason, advice="")
+    # advice on a loop, lower the gain, is wrong for a kp that is too low
+    return report if report.nominally_stable else replace(report, advice="")
+
+
+def simulate_drive(
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    model: UncertaintyModel,
+    report: RobustnessReport,
+    stable: bool,
+    masses: int,
+) -> DriveFriction:
+    """Return the friction with what the axis as read does in the end, by simulation, and what to change.
+
+    stable : whether the linear loop is, by its model or as the traces ran in it.
+    """
+    force = None if friction.force is None else with_load(friction.force, friction.fit)
+    reason = reason_against_simulation(force, settings, masses)
+    if not stable:
+        reason = "the linear loop is unstable"
+    if reason or force is None:
+        return replace(friction, unsimulated=reason)
+    friction = replace(friction, force=force)
+
+    def keeps(other: Drive) -> bool:
+        found = check_loop(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
+        return found.proofs.robustly_stable and found.margins.S_worst <= report.peak
+
+    found = simulate_rest(force, settings)
+    if found.ended <= found.amplitudes.size / 2:
+        return replace(friction, unsimulated=f"the integration came to its end in {found.ended} runs only")
+    return replace(friction, simulated=with_advice(found, force, settings, keeps))
+
+
+def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
+    """Return what is to be called after each of so many steps; it says first that none is done.
+
+    >>> advance = count_steps(lambda done, total: print(done, "of", total), 2)
+    0 of 2
+    >>> advance()
+    1 of 2
+    """
+    done = count()
+
+    def advance() -> None:
+        if progress is not None:
+            progress(next(done), total)
+
+    advance()
+    return advance
+
+
+def in_motion(under: Sequence[Conditions]) -> list[int]:
+    """Return which traces were recorded in motion."""
+    return [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
+
+
+def read_force(
+    records: Sequence[nlfrf.Record], under: Sequence[Conditions], masses: int
+) -> tuple[FrictionForce | None, str]:
+    """Return the friction without a law from traces in motion, and why there is none or no break-away force."""
+    moving = in_motion(under)
+    if not moving or records[0].u_unit == "A":
+        return None, ""
+    levels = under[0].levels or [record for k, record in enumerate(records) if k not in moving]
+    try:
+        velocities = [under[k].velocity for k in moving]
+        force = read_friction_force([records[k] for k in moving], velocities, levels, masses=masses)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        return None, str(error)
+    return force, force.reason
+
+
+def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
+    """Return the step of the position set point, through the loops of the drive."""
+    G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
+    A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
+    direct = np.zeros_like(A)
+    direct[: G.nstates, : G.nstates] = G.B @ drive.D[:, 1:] @ G.C
+    B = np.vstack([G.B @ drive.D[:, :1], drive.B[:, :1]])
+    C = np.hstack([G.C, np.zeros((1, drive.nstates))])
+    closed = control.StateSpace(A + direct, B, C, 0, K.dt, remove_useless_states=False)
+    t, y = simulate_step(closed)
+    final = float(np.real(closed.dcgain()))
+    return measure_step(t, y[0], u=np.full(t.size, np.nan), final=final, cut=True)
