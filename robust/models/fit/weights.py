@@ -361,6 +361,7 @@ STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
 PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
 ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
 MAX_EXACT_ORDER = 8
+LARGEST_STEP, MOST_BETWEEN = 0.1, 20  # of ln(omega) from point to point of a fit, and the most points between two lines
 #: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
 LEAST_IMPORTANCE = 0.1
 MAX_MEAN_EXCESS_DB = 30.0
@@ -507,12 +508,28 @@ class Demand:
         sides = np.pad(log_r, 1, mode="edge")
         return np.maximum(log_r, np.maximum(sides[:-2], sides[2:]))
 
+    def problem(self) -> MagnitudeProblem:
+        """Return the fit to the lines and to points between them: where lines are sparse, a weight must not bulge."""
+        log_w, log_r = np.log(self.omega), np.log(self.radius)
+        gaps = np.diff(log_w)
+        n = np.minimum(np.ceil(gaps / LARGEST_STEP), MOST_BETWEEN + 1).astype(int) - 1
+        at = np.repeat(np.arange(n.size), n)  # the line before each point
+        part = (np.arange(at.size) - np.repeat(np.cumsum(n) - n, n) + 1) / (n[at] + 1)
+        order = np.argsort(np.r_[log_w, log_w[at] + part * gaps[at]], kind="stable")
+        omega = np.exp(np.r_[log_w, log_w[at] + part * gaps[at]])[order]
+        envelope = np.r_[self.envelope, np.maximum(log_r[at], log_r[at + 1])][order]
+        share = np.r_[self.share, self.share[at] ** (1 - part) * self.share[at + 1] ** part][order]
+        x = np.where(
+            order < log_w.size, self.x[np.minimum(order, log_w.size - 1)], imaginary_axis_frequencies(omega, self.dt)
+        )
+        return magnitude_problem(x, envelope, ends=True, share=share / share.sum())
+
 
 def best_weight(demand: Demand, order: int) -> WeightFit:
     """Fit the weight of an order: exact where possible, otherwise of least mean excess found."""
     if order and (exact := exact_weight(demand, order)):
         return exact
-    problem = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share)
+    problem = demand.problem()
     coarse = problem.coarsen(COARSE_POINTS)
     growth = constant_weight(coarse)
     while growth.order < order:
@@ -526,7 +543,7 @@ def best_weight(demand: Demand, order: int) -> WeightFit:
 def choose_weight(demand: Demand) -> WeightFit:
     """Fit the weight of the order whose states pay: least mean excess and price of its states together."""
     fits = list(islice((fit for order in exact_orders(demand) if (fit := exact_weight(demand, order))), 1))
-    problem = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share)
+    problem = demand.problem()
     coarse = problem.coarsen(COARSE_POINTS)
     path = [constant_weight(coarse)]
 
