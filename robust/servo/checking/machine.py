@@ -138,7 +138,7 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
             least = min(float(one.loop_radius[0]) for one in each)
             best = next(one for one in each if one.loop_radius[0] <= NEAR_BEST * least)
             return best.fit, (*(one.fit for one in each), *scan.fits)
-    return scan.fit, scan.fits
+    return replace(scan.fit, omega_c=omega_c), scan.fits  # the weight of the set is fitted for the crossover, too
 
 
 def cancels_unstable_pole(G: control.StateSpace) -> bool:
