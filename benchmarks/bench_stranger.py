@@ -228,7 +228,7 @@ def check(folder: Path, *options: object) -> tuple[int, dict[str, Any], str, flo
     start = time.perf_counter()
     code, out, err = run(
         "robust",
-        "drive",
+        "servo",
         "check",
         folder / "ramp-trace.csv",
         folder / "trace.csv",
