@@ -26,9 +26,9 @@ from nlfrf.io.direction import (
 )
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import LostRows, find_lost_rows, merge_alternating_rows, unfold_periods
+from nlfrf.io.records import find_lost_rows, find_rows_off, merge_alternating_rows, unfold_periods
 from nlfrf.io.results import value_in
-from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
+from nlfrf.io.uneven_clock import UnevenClock
 from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
@@ -371,11 +371,6 @@ def describe_extent(content: Record | Multisine) -> str:
     f = content.lines.excited * content.f0
     band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
-
-
-def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClock | None:
-    """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
-    return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
 
 def is_varying(stream: np.ndarray) -> bool:
