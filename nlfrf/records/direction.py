@@ -62,16 +62,16 @@ class SignalLines(NamedTuple):
         return bool(odd and self.emptiness < MAX_DIRT_RATIO)
 
 
-def find_signal_lines(periods: np.ndarray) -> SignalLines:
+def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
     """Return the lines of a signal (1, P, N); of few ones the spread and what is between them are infinite.
 
-    Raises
-    ------
-    ValueError
-        No line stands out of its noise.
+    None where no line stands out of its noise.
     """
-    power, noise = line_powers(periods)
-    grid = lines_from_powers(power, noise)
+    try:
+        power, noise = line_powers(periods)
+        grid = lines_from_powers(power, noise)
+    except ValueError:
+        return None
     is_exact = periods.shape[1] > 1 and has_equal_periods(periods)
     steps = np.abs(np.diff(periods[0, -1]))
     quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
@@ -107,11 +107,13 @@ def compare_levels(played: SignalLines, other: SignalLines) -> bool:
     return played.spread < EVEN and other.spread > max(MIN_UNEVEN, MIN_SPREAD_RATIO * played.spread)
 
 
-def describe_played(played: SignalLines, other: SignalLines | None) -> str:
+def describe_played(played: SignalLines | None, other: SignalLines | None) -> str:
     """Return what shows that a signal was played that counts as an output, and not the other; an empty text if nothing.
 
     Even lines do so where they are clean as well: a machine may undo the shape that a multisine was given.
     """
+    if played is None:
+        return ""
     if other is None or (compare_levels(played, other) and played.dirt < MAX_DIRT_RATIO * other.dirt):
         return f"its lines are even to {played.spread:.2g} dB" if played.spread < EVEN else ""
     return f"its detection lines are empty, {found}" if (found := compare_detection_lines(played, other)) else ""
