@@ -562,7 +562,10 @@ def clean_names(
     clocks: Mapping[str, float | str],
     notes: Mapping[str, str],
 ) -> Contents:
-    """Return channels with unique names, and names, units and notes of one line each without control characters."""
+    """Return channels with unique names, and names, units and notes of one line each without control characters.
+
+    Units that are empty are none, but those of a start: what it counts in is in doubt then.
+    """
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
     named = {"": ""} | dict(
@@ -570,7 +573,7 @@ def clean_names(
     )  # of those alike after it, too
     return (
         {named[name]: array for name, array in arrays.items()},
-        {named[name]: one_line(unit) for name, unit in units.items()},
+        {named[name]: one_line(unit) for name, unit in units.items() if unit or name.endswith(".start")},
         {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
         {named[name]: one_line(note) for name, note in notes.items()},
     )
