@@ -53,13 +53,8 @@ class Direction(NamedTuple):
     doubt: str = ""
 
 
-class Rank(IntEnum):
-    """What a channel is by its name, in the order in which it is taken for the input."""
-
-    INPUT = 0
-    SET_POINT = 1
-    UNKNOWN = 2
-    OUTPUT = 3
+#: What a channel is by its name, in the order in which it is taken for the input.
+Rank = IntEnum("Rank", "INPUT SET_POINT UNKNOWN OUTPUT")
 
 
 def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], float]) -> Direction:

@@ -76,14 +76,9 @@ class LostRows:
     moments: np.ndarray
     fs: float
 
-    @property
-    def n_places(self) -> int:
-        """Samples from the first row to the last, lost ones included."""
-        return int(self.place[-1]) + 1
-
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """(n_places,) a stream with straight lines over what is lost: good enough to find its period, no more."""
-        return np.asarray(np.interp(np.arange(self.n_places), self.place, stream))
+        """Return a stream with straight lines over what is lost: good enough to find its period, no more."""
+        return np.asarray(np.interp(np.arange(self.place[-1] + 1), self.place, stream))
 
     def whole_periods(self, n_samples: int) -> np.ndarray:
         """Numbers of the periods, from 0, in which no row is lost."""
