@@ -248,14 +248,9 @@ class Channels:
         return Clock(best.fs, best.name)
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
-        """Return the time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
-        time, home = self.clocks.get(name), name.rpartition(".")[0]
-        if isinstance(time, float):
-            return float(self.arrays.get(f"{name}.start", 0.0))
-        if time is None and home and name in self.arrays:
-            candidates = (one for one in self.times if one.rpartition(".")[0] == home)
-            time = next((one for one in candidates if self.arrays[one].size == self.arrays[name].size), None)
-        return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
+        """Return the time of each sample of a channel, or its start [s]; None where it has neither."""
+        stated = self.clocks.get(name)
+        return float(self.arrays.get(f"{name}.start", 0.0)) if isinstance(stated, float) else self.seconds(name)
 
     def seconds(self, name: str) -> np.ndarray | None:
         """Return the time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""

@@ -428,10 +428,8 @@ def rewrite_function(found: re.Match[str]) -> str:
     """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
-    is_word = is_unit or (len(argument) > 1 and argument.lower() in ROLES)
-    is_word = is_word or (
-        found[1].lower() in ("phase", "angle", "mag", "magnitude") and len(argument) > 1 and argument.islower()
-    )
+    is_written = argument.islower() and found[1].lower() in ("phase", "angle", "mag", "magnitude")
+    is_word = is_unit or (len(argument) > 1 and (is_written or argument.lower() in ROLES))
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 
