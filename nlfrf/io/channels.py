@@ -61,8 +61,6 @@ class Channels:
         Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
         start of a channel [s] as ``channel.start``. Readers give it in the unit that `units` state of it, and by
         ``channel.moment`` [s] when it began to count.
-    time : str
-        Name of the time channel, empty where there is none.
     units : dict of str to str
         Units that the file says apart from the names.
     clocks : dict of str to float or str
@@ -73,7 +71,6 @@ class Channels:
 
     path: str
     arrays: Mapping[str, np.ndarray]
-    time: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, float | str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -225,7 +222,7 @@ class Channels:
         """Return what a variable says of the clock of these channels, else a time channel; the two have to agree."""
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
-        time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
+        time = self.time_beside(next(iter(n.values()))) if len(n) == 1 else self.time
         by_time = self.clock_of_time(time) if time else Clock()
         if not variables and self.time and not time:
             sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
@@ -254,19 +251,19 @@ class Channels:
 
     def seconds(self, name: str) -> np.ndarray | None:
         """Return the time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
-        full = self.full_name(name)
-        clock = self.clocks.get(full, self.clocks.get(""))
-        if clock is None and full in self.arrays:
-            clock = self.nearest_time_channel(full)
-        if not clock or not isinstance(clock, str):
-            return None
-        second = self.second_of(clock)
-        return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
+        time = self.time_of(self.full_name(name))
+        second = self.second_of(time) if time else None
+        return None if second is None else second * np.ravel(self.arrays[time]).astype(float, copy=False)
 
-    def nearest_time_channel(self, name: str) -> str:
+    def time_of(self, full: str) -> str:
+        """Return the time channel of a channel, as stated or beside it; empty where it has none, or another clock."""
+        stated = self.clocks.get(full, self.clocks.get("", self.time_beside(full)))
+        return stated if isinstance(stated, str) else ""
+
+    def time_beside(self, full: str) -> str:
         """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
-        as_long = [time for time in self.times if self.arrays[time].size == self.arrays[name].size]
-        home = name.rpartition(".")[0]
+        n, home = self.arrays.get(full, np.zeros(0)).size, full.rpartition(".")[0]
+        as_long = [time for time in self.times if self.arrays[time].size == n]
         return min(as_long, key=lambda time: time.rpartition(".")[0] != home, default="")
 
     @property
@@ -278,6 +275,11 @@ class Channels:
         return sorted(
             found, key=lambda name: not (self.second_of(name) and sampling_frequency(np.ravel(self.arrays[name])))
         )
+
+    @property
+    def time(self) -> str:
+        """Name of the first of them, empty where there is none."""
+        return next(iter(self.times), "")
 
     def second_of(self, time: str) -> float | None:
         """Return the unit of a time channel [s], None where it is not known."""
@@ -467,10 +469,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
-    times = [name for name in numeric if is_time_name(name) and may_run(numeric[name])]
-    return Channels(
-        path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
-    )
+    return Channels(path=str(path), arrays=numeric, units=units, clocks=clocks, notes=notes)
 
 
 def reader_of_suffix(path: Path, suffix: str) -> Reader:

@@ -219,8 +219,8 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
         t = seconds[turns]
         shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
         late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G has that delay in it" if shift else ""
-        clock = file.clocks.get(full[0], file.clocks.get("")) or file.nearest_time_channel(full[0])
-        merged[str(clock)] = file.arrays[str(clock)][turns[0]]
+        time = file.time_of(full[0])
+        merged[time] = file.arrays[time][turns[0]]
     data_warning(f"the channels of {Path(file.path).name!r} take turns, a row each: {n} turns were merged{late}")
     return replace(file, arrays={**file.arrays, **merged})
 
