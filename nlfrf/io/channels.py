@@ -197,8 +197,8 @@ class Channels:
 
     def common_clock(self, clocks: Mapping[str, float | str | None]) -> Clock:
         """Return the clock of channels by what is stated of each, else beside them; refuse channels that differ."""
-        stated = clocks if any(clocks.values()) else {"": self.clocks.get("")}
-        found = {name: self.stated_clock(name, clock) for name, clock in stated.items() if clock is not None}
+        stated = [*clocks.items()] or [("", self.clocks.get(""))]
+        found = {name: self.stated_clock(name, clock) for name, clock in stated if clock is not None}
         found = found or {"": self.neighbouring_clock(tuple(clocks))}
         rates = [clock.fs for clock in found.values() if clock.fs > 0]
         if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
