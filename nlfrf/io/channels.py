@@ -222,7 +222,7 @@ class Channels:
         """Return what a variable says of the clock of these channels, else a time channel; the two have to agree."""
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
-        time = self.time_beside(next(iter(n.values()))) if len(n) == 1 else self.time
+        time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
         by_time = self.clock_of_time(time) if time else Clock()
         if not variables and self.time and not time:
             sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
@@ -257,10 +257,10 @@ class Channels:
 
     def time_of(self, full: str) -> str:
         """Return the time channel of a channel, as stated or beside it; empty where it has none, or another clock."""
-        stated = self.clocks.get(full, self.clocks.get("", self.time_beside(full)))
+        stated = self.clocks.get(full, self.clocks.get("", self.nearest_time_channel(full)))
         return stated if isinstance(stated, str) else ""
 
-    def time_beside(self, full: str) -> str:
+    def nearest_time_channel(self, full: str) -> str:
         """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
         n, home = self.arrays.get(full, np.zeros(0)).size, full.rpartition(".")[0]
         as_long = [time for time in self.times if self.arrays[time].size == n]

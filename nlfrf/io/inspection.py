@@ -125,9 +125,9 @@ class FileContents:
         options = ["--input", quote_name(self.u or "INPUT"), "--output", quote_name(self.y or "OUTPUT")]
         options += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         options += ["--reference", quote_name(self.reference)] if self.reference else []
-        told = [one for one in self.channels if self.u in ("", one.name)]
-        options += [] if any(np.isfinite(one.fs) for one in told) else ["--fs", "HERTZ"]
-        if max((one.n for one in told), default=0) < 2 * self.period or (self.u and not self.period):
+        known = [one for one in self.channels if self.u in ("", one.name)]
+        options += [] if any(np.isfinite(one.fs) for one in known) else ["--fs", "HERTZ"]
+        if max((one.n for one in known), default=0) < 2 * self.period or (self.u and not self.period):
             options += ["--period", f"{self.period:.0f}" if self.period else "SAMPLES"]
         return options + ["--resample"] * (self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE)
 
