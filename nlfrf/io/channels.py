@@ -38,7 +38,7 @@ from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
-MAX_DRIVE_RATE = 2e4  # Hz: a variable without a unit that is no faster in milliseconds may well be in them
+DRIVE_RATE = 20.0  # Hz: a variable without a unit that is no faster may well be in milliseconds, that of a drive
 #: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
 UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
 MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
@@ -61,8 +61,6 @@ class Channels:
         Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
         start of a channel [s] as ``channel.start``. Readers give it in the unit that `units` state of it, and by
         ``channel.moment`` [s] when it began to count.
-    time : str
-        Name of the time channel, empty where there is none.
     units : dict of str to str
         Units that the file says apart from the names.
     clocks : dict of str to float or str
@@ -73,7 +71,6 @@ class Channels:
 
     path: str
     arrays: Mapping[str, np.ndarray]
-    time: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, float | str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -180,100 +177,93 @@ class Channels:
         """
         file = Path(self.path).name
         clocks = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
-        known = {name: clock for name, clock in clocks.items() if clock is not None}
-        fs, where = self.common_clock(known, tuple(clocks), given is not None)
-        given = None if given is None else require_positive("fs", given)
+        clock = self.common_clock(clocks)
+        if given is None and not clock.fs > 0:
+            units = [f": it counts in {unit!r}" for name in clocks if (unit := self.units.get(f"{name}.start"))]
+            why = clock.why or f"{file!r} holds neither fs nor a time channel{(units or [''])[0]}"
+            raise ValueError(f"fs must be given: {why}")
+        if given is None and clock.doubt:
+            data_warning(clock.doubt)
+        fs = clock.fs if given is None else require_positive("fs", given)
         axes = {name: axis for name in clocks if (axis := self.moments_of(name)) is not None}
         if axes:
-            require_same_moments(file, axes, fs if given is None else given)
-        if given is None and not fs > 0:
-            units = [f": it counts in {unit!r}" for name in known if (unit := self.units.get(f"{name}.start"))]
-            raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{(units or [''])[0]}")
-        if given is None:
-            return fs
-        if fs > 0 and abs(given / fs - 1) > MAX_TIME_DIFFERENCE:
+            require_same_moments(file, axes, fs)
+        if clock.fs > 0 and not clock.doubt and abs(fs / clock.fs - 1) > MAX_TIME_DIFFERENCE:
             data_warning(
-                f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
+                f"fs was given as {fs:g} Hz, but by {clock.where} of {file!r} it is {clock.fs:g} Hz; the one given is "
+                "used"
             )
-        return given
+        return fs
 
-    def common_clock(self, known: Mapping[str, float | str], names: tuple[str, ...], given: bool) -> tuple[float, str]:
-        """Return the frequency of channels and who says so, 0 where nobody does; refuse channels that differ in it."""
-        found = self.stated_clocks(known, given) or self.neighbouring_clock(names, given)
-        rates = [fs for fs, _ in found.values() if fs > 0]
+    def common_clock(self, clocks: Mapping[str, float | str | None]) -> Clock:
+        """Return the clock of channels by what is stated of each, else beside them; refuse channels that differ."""
+        stated = [*clocks.items()] or [("", self.clocks.get(""))]
+        found = {name: self.stated_clock(name, clock) for name, clock in stated if clock is not None}
+        found = found or {"": self.neighbouring_clock(tuple(clocks))}
+        rates = [clock.fs for clock in found.values() if clock.fs > 0]
         if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
-            listing = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
+            listing = ", ".join(f"{name!r} at {clock.fs:g} Hz" for name, clock in found.items())
             raise ValueError(
                 f"u and y must be sampled together, but {Path(self.path).name!r} has {listing}; bring them to one "
                 "clock and give them to record_from_samples"
             )
-        fs, where = next(iter(found.values()), (0.0, ""))
-        if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
-            step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
-            fs = 0.0 if given else warn_of_unit(step, fs, unlikely=MAX_DRIVE_RATE / 1e3)
-        return fs, where
+        return next((clock for clock in found.values() if clock.why), next(iter(found.values())))
 
-    def stated_clocks(self, clocks: Mapping[str, float | str], known: bool) -> dict[str, tuple[float, str]]:
-        """Return the frequency by the clock of each channel and who says so, else by that of the whole file."""
-        found: dict[str, tuple[float, str]] = {}
-        for name, clock in clocks.items() if clocks else [("", self.clocks.get(""))]:
-            if isinstance(clock, str):
-                found[name] = self.frequency_of_time(clock, known), f"the time channel {clock!r}"
-            elif clock is not None:
-                found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
-        return found
+    def stated_clock(self, name: str, stated: float | str) -> Clock:
+        """Return the clock that the file states of a channel, of all by "": a frequency, or a time channel."""
+        if isinstance(stated, str):
+            return self.clock_of_time(stated)
+        where = f"what it says of {name!r}" if name else "its own word"
+        if 0 < stated <= SLOW and self.units.get(f"{name}.start") == "":
+            return doubtful_clock(stated, where, f"the sampling time of {name!r} names no unit and is", DRIVE_RATE)
+        return Clock(float(stated), where)
 
-    def neighbouring_clock(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
-        """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
-        scalar = self.scalar_clock(next(iter(names), ""), known)
+    def neighbouring_clock(self, names: tuple[str, ...]) -> Clock:
+        """Return what a variable says of the clock of these channels, else a time channel; the two have to agree."""
+        file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
         time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
-        if scalar is None and self.time and not time and not known:
-            raise ValueError(
-                f"fs must be given: the time channel {self.time!r} has {self.arrays[self.time].size} samples, and "
-                + " and ".join(f"{name!r} has {size}" for size, name in n.items())
+        by_time = self.clock_of_time(time) if time else Clock()
+        if not variables and self.time and not time:
+            sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
+            return Clock(why=f"the time channel {self.time!r} has {self.arrays[self.time].size} samples, and {sizes}")
+        if not variables:
+            return by_time
+        best, time_fs = variables[0], 0.0 if by_time.doubt else by_time.fs
+        for one in variables:
+            if one.rank == best.rank and one.fs > best.fs * (1 + MAX_TIME_DIFFERENCE):
+                return Clock(why=f"{file!r} says {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
+        if best.is_doubtful and agrees_in_some_unit(best.fs, time_fs):
+            return by_time
+        if time_fs > 0 and abs(best.fs / time_fs - 1) > MAX_TIME_DIFFERENCE:
+            by_both = f"{best.fs:g} Hz by {best.name!r} of {file!r} and {time_fs:g} Hz by {by_time.where}"
+            return Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is not the one")
+        if best.is_doubtful:
+            return doubtful_clock(
+                best.fs, best.name, f"the sampling time {best.name!r} names no unit and is", DRIVE_RATE
             )
-        where = f"the time channel {time!r}"
-        if scalar is None:
-            return {"": (self.frequency_of_time(time, known), where)} if time else {}
-        fs = self.frequency_of_time(time, True) if time and not known else 0.0
-        if scalar.is_doubtful and (known or agrees_in_some_unit(scalar.fs, fs)):
-            return {"": (fs, where)}
-        if fs > 0 and abs(scalar.fs / fs - 1) > MAX_TIME_DIFFERENCE:
-            data_warning(
-                f"fs is {scalar.fs:g} Hz by {scalar.name!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
-                "first is used, give fs if it is not the one"
-            )
-        elif scalar.is_doubtful:
-            step = f"the sampling time {scalar.name!r} names no unit and is {1 / scalar.fs:g}"
-            warn_of_unit(step, scalar.fs, unlikely=MAX_DRIVE_RATE / 1e3)
-        return {"": (scalar.fs, scalar.name)}
+        return Clock(best.fs, best.name)
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
-        """Return the time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
-        time, home = self.clocks.get(name), name.rpartition(".")[0]
-        if isinstance(time, float):
-            return float(self.arrays.get(f"{name}.start", 0.0))
-        if time is None and home and name in self.arrays:
-            candidates = (one for one in self.times if one.rpartition(".")[0] == home)
-            time = next((one for one in candidates if self.arrays[one].size == self.arrays[name].size), None)
-        return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
+        """Return the time of each sample of a channel, or its start [s]; None where it has neither."""
+        stated = self.clocks.get(name)
+        return float(self.arrays.get(f"{name}.start", 0.0)) if isinstance(stated, float) else self.seconds(name)
 
     def seconds(self, name: str) -> np.ndarray | None:
         """Return the time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
-        full = self.full_name(name)
-        clock = self.clocks.get(full, self.clocks.get(""))
-        if clock is None and full in self.arrays:
-            clock = self.nearest_time_channel(full)
-        if not clock or not isinstance(clock, str):
-            return None
-        second = self.second_of(clock)
-        return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
+        time = self.time_of(self.full_name(name))
+        second = self.second_of(time) if time else None
+        return None if second is None else second * np.ravel(self.arrays[time]).astype(float, copy=False)
 
-    def nearest_time_channel(self, name: str) -> str:
+    def time_of(self, full: str) -> str:
+        """Return the time channel of a channel, as stated or beside it; empty where it has none, or another clock."""
+        stated = self.clocks.get(full, self.clocks.get("", self.nearest_time_channel(full)))
+        return stated if isinstance(stated, str) else ""
+
+    def nearest_time_channel(self, full: str) -> str:
         """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
-        as_long = [time for time in self.times if self.arrays[time].size == self.arrays[name].size]
-        home = name.rpartition(".")[0]
+        n, home = self.arrays.get(full, np.zeros(0)).size, full.rpartition(".")[0]
+        as_long = [time for time in self.times if self.arrays[time].size == n]
         return min(as_long, key=lambda time: time.rpartition(".")[0] != home, default="")
 
     @property
@@ -286,25 +276,25 @@ class Channels:
             found, key=lambda name: not (self.second_of(name) and sampling_frequency(np.ravel(self.arrays[name])))
         )
 
+    @property
+    def time(self) -> str:
+        """Name of the first of them, empty where there is none."""
+        return next(iter(self.times), "")
+
     def second_of(self, time: str) -> float | None:
         """Return the unit of a time channel [s], None where it is not known."""
         return seconds_per_unit(self.unit(time))
 
-    def scalar_clock(self, candidates: str, known: bool = False) -> ScalarClock | None:
-        """Return the sampling frequency by a variable fs, Ts and the like, first in the struct of a channel."""
-        found = list(self.scalar_clocks([candidates.rpartition(".")[0], ""]))
+    def variable_clocks(self, channel: str) -> list[ScalarClock]:
+        """Return what variables fs, Ts and the like say, the slowest in the struct of a channel in front.
+
+        One that is doubtful is left out where another says the same in some unit.
+        """
+        found = list(self.scalar_clocks([channel.rpartition(".")[0], ""]))
         sure = [one for one in found if not one.is_doubtful]
-        found = [one for one in found if one in sure or not any(agrees_in_some_unit(one.fs, two.fs) for two in sure)]
-        best = min(found, default=None)
-        if best is None:
-            return None
-        others = [one for one in found if one.rank == best.rank and one.fs > best.fs * (1 + MAX_TIME_DIFFERENCE)]
-        if others and not known:
-            raise ValueError(
-                f"fs must be given: {Path(self.path).name!r} says {best.fs:g} Hz by {best.name!r} and "
-                f"{others[0].fs:g} Hz by {others[0].name!r}"
-            )
-        return best
+        return sorted(
+            one for one in found if one in sure or not any(agrees_in_some_unit(one.fs, two.fs) for two in sure)
+        )
 
     def scalar_clocks(self, homes: list[str]) -> Iterator[ScalarClock]:
         """Yield every variable that states a sampling frequency or time; `homes` are the structs that count first."""
@@ -322,26 +312,30 @@ class Channels:
                 fs = number if is_rate else float(f"{1 / number:.12g}")
                 yield ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name)
 
-    def frequency_of_time(self, time: str, known: bool) -> float:
-        """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""
-        unit, second = self.unit(time), self.second_of(time)
-        if second is None and not known:
-            raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
+    def clock_of_time(self, time: str) -> Clock:
+        """Return the clock by a time channel."""
+        unit, second, where = self.unit(time), self.second_of(time), f"the time channel {time!r}"
+        if second is None:
+            return Clock(why=f"the unit of {where} is not known")
         t = np.ravel(self.arrays[time])
-        fs = sampling_frequency(t if second == 1.0 else (second or 0.0) * t)
-        if not fs > 0 and not known:
-            raise ValueError(f"fs must be given: the time channel {time!r} {backward_steps(t)}")
+        fs = sampling_frequency(t if second == 1.0 else second * t)
+        if not fs > 0:
+            return Clock(why=f"{where} {backward_steps(t)}")
         if not unit and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
-            if known:
-                return 0.0
-            raise ValueError(
-                f"fs must be given: the time channel {time!r} names no unit, begins at {t[0]:.9g} and steps by "
-                f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / SECONDS_PER_DAY:g} Hz if they are days"
-            )
-        if unit or not 0 < fs <= SLOW:
-            return fs
-        step = f"the time channel {time!r} names no unit and steps by {1 / fs:g}"
-        return 0.0 if known else warn_of_unit(step, fs)
+            readings = f"{fs:g} Hz if these are seconds, {fs / SECONDS_PER_DAY:g} Hz if they are days"
+            return Clock(why=f"{where} names no unit, begins at {t[0]:.9g} and steps by {1 / fs:.3g}: {readings}")
+        if unit or fs > SLOW:
+            return Clock(fs, where)
+        return doubtful_clock(fs, where, f"{where} names no unit and steps by", UNLIKELY)
+
+
+class Clock(NamedTuple):
+    """A sampling frequency [Hz] and who says so; why it is not known, where it is 0; what is in doubt of it."""
+
+    fs: float = 0.0
+    where: str = ""
+    why: str = ""
+    doubt: str = ""
 
 
 class ScalarClock(NamedTuple):
@@ -358,16 +352,15 @@ def agrees_in_some_unit(fs: float, known: float) -> bool:
     return any(abs(factor * fs - known) <= MAX_TIME_DIFFERENCE * known for factor in UNSTATED_UNITS.values())
 
 
-def warn_of_unit(step: str, fs: float, *, unlikely: float = UNLIKELY) -> float:
-    """Warn of a step without a unit and return its sampling frequency, or refuse one that may not be in seconds.
+def doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> Clock:
+    """Return the clock by a step without a unit, in doubt, or not known where it is no faster than is unlikely.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
-    listing = f"{step}: {join_names([f'{factor * fs:g} Hz if {unit}' for unit, factor in UNSTATED_UNITS.items()])}"
+    readings = join_names([f"{factor * fs:g} Hz if {unit}" for unit, factor in UNSTATED_UNITS.items()])
     if fs <= unlikely:
-        raise ValueError(f"fs must be given: {listing}")
-    data_warning(f"{listing}; seconds are taken, give fs if they are not")
-    return fs
+        return Clock(why=f"{step} {1 / fs:g}: {readings}")
+    return Clock(fs, where, doubt=f"{step} {1 / fs:g}: {readings}; seconds are taken, give fs if they are not")
 
 
 def may_run(array: np.ndarray) -> bool:
@@ -476,10 +469,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
-    times = [name for name in numeric if is_time_name(name) and may_run(numeric[name])]
-    return Channels(
-        path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
-    )
+    return Channels(path=str(path), arrays=numeric, units=units, clocks=clocks, notes=notes)
 
 
 def reader_of_suffix(path: Path, suffix: str) -> Reader:
@@ -562,7 +552,10 @@ def clean_names(
     clocks: Mapping[str, float | str],
     notes: Mapping[str, str],
 ) -> Contents:
-    """Return channels with unique names, and names, units and notes of one line each without control characters."""
+    """Return channels with unique names, and names, units and notes of one line each without control characters.
+
+    Units that are empty are none, but those of a start: what it counts in is in doubt then.
+    """
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
     named = {"": ""} | dict(
@@ -570,7 +563,7 @@ def clean_names(
     )  # of those alike after it, too
     return (
         {named[name]: array for name, array in arrays.items()},
-        {named[name]: one_line(unit) for name, unit in units.items()},
+        {named[name]: one_line(unit) for name, unit in units.items() if unit or name.endswith(".start")},
         {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
         {named[name]: one_line(note) for name, note in notes.items()},
     )

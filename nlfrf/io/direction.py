@@ -7,8 +7,7 @@ names, nobody is proposed.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -23,7 +22,7 @@ from nlfrf.records.direction import (
     describe_played,
     find_signal_lines,
 )
-from nlfrf.records.period import detect_period, is_repeated
+from nlfrf.records.period import detect_repetition, is_repeated
 
 INPUT_NAMES = re.compile(
     r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
@@ -54,13 +53,8 @@ class Direction(NamedTuple):
     doubt: str = ""
 
 
-class Rank(IntEnum):
-    """What a channel is by its name, in the order in which it is taken for the input."""
-
-    INPUT = 0
-    SET_POINT = 1
-    UNKNOWN = 2
-    OUTPUT = 3
+#: What a channel is by its name, in the order in which it is taken for the input.
+Rank = IntEnum("Rank", "INPUT SET_POINT UNKNOWN OUTPUT")
 
 
 def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], float]) -> Direction:
@@ -75,14 +69,11 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     """
     likely = sorted(streams, key=rank_by_name)[:MAX_CANDIDATES]
     x = {name: np.asarray(streams[name], dtype=float) for name in streams if name in likely}
-    period = find_common_period(list(x.values()))
+    period, together = find_common_period(x)
     n = round(period)
     period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
-    lines = {}
-    for name, one in x.items():
-        if n and (n == one.size or is_repeated(one, period)):
-            with suppress(ValueError):  # nothing stands out of its noise
-                lines[name] = find_signal_lines(one[: one.size // n * n].reshape(1, -1, n))
+    found = {name: find_signal_lines(one[: one.size // n * n].reshape(1, -1, n)) for name, one in together.items()}
+    lines = {name: one for name, one in found.items() if one is not None}
     if not lines:
         inputs = [name for name in x if rank_by_name(name) is Rank.INPUT]
         return Direction(u=inputs[0]) if len(inputs) == 1 < len(x) else Direction()
@@ -97,25 +88,24 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     return Direction(u, reference, period, f"period {period:.6g} samples{lasts}, {periods}; {n_lines}{band}", doubt)
 
 
-def find_common_period(streams: Sequence[np.ndarray]) -> float:
-    """Return the period [samples] of channels that were sampled together; 0 where no channel has one.
+def find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
+    """Return the period [samples] of channels that were sampled together, 0 where none has one, and those that have it.
 
     Where a channel that does not repeat has odd lines alone over its whole length, that is one period, whatever rings
     behind it. Else it is the period at which most channels repeat.
     """
-    found: dict[int, float] = {}
-    for x in streams:
+    periods: dict[int, float] = {}
+    for x in streams.values():
         try:
-            if not is_repeated(x, period := detect_period(x)):
-                raise ValueError
-            found.setdefault(round(period), period)
+            period = detect_repetition(x)
+            periods.setdefault(round(period), period)
         except ValueError:
-            with suppress(ValueError):
-                if find_signal_lines(x.reshape(1, 1, -1)).is_one_period:
-                    return float(x.size)
-    if len(found) < 2:
-        return next(iter(found.values()), 0.0)
-    return max(found.values(), key=lambda period: (sum(is_repeated(x, period) for x in streams), period))
+            if (lines := find_signal_lines(x.reshape(1, 1, -1))) and lines.is_one_period:
+                return float(x.size), dict(streams)
+    groups = [
+        (period, {name: x for name, x in streams.items() if is_repeated(x, period)}) for period in periods.values()
+    ]
+    return max(groups, key=lambda group: (len(group[1]), group[0]), default=(0.0, {}))
 
 
 def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:

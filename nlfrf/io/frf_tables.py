@@ -15,15 +15,22 @@ from nlfrf._base.arguments import MissingArgumentError, data_warning, join_names
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.readers.names import FILLERS, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
+from nlfrf.io.readers.names import ROLES, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
 
 #: The parts of G in the order in which they count, and keys of `columns`, which are short for quantities.
 WHOLE = ("complex", "real", "magnitude")
 PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
-KEYS = {"f": "frequency", "G": "complex", "re": "real", "im": "imaginary", "mag": "magnitude", "phase": "phase"}
-KEYS |= {"std": "std", "coherence": "coherence"}
+KEYS = {
+    "f": "frequency",
+    "G": "complex",
+    "re": "real",
+    "im": "imaginary",
+    "mag": "magnitude",
+    "phase": "phase",
+    "std": "std",
+    "coherence": "coherence",
+}
 MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
-NO_NAMES = FILLERS["no_name"].split()
 SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
 MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
 #: What a variance needs, and why.
@@ -325,7 +332,9 @@ def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None
     shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
     for one in (axis, *form):
         named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
-        if unknown := [word for word in one.parsed.unknown if word not in named or word.lower() in NO_NAMES]:
+        if unknown := [
+            word for word in one.parsed.unknown if word not in named or ROLES.get(word.lower()) == "no_name"
+        ]:
             raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
     if shared and form[0].parsed.quantity != "complex":
         names = join_names([repr(one.name) for one in form])

@@ -26,9 +26,9 @@ from nlfrf.io.direction import (
 )
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import LostRows, find_lost_rows, merge_alternating_rows, unfold_periods
+from nlfrf.io.records import find_lost_rows, find_rows_off, merge_alternating_rows, unfold_periods
 from nlfrf.io.results import value_in
-from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
+from nlfrf.io.uneven_clock import UnevenClock
 from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
@@ -114,25 +114,22 @@ class FileContents:
     @property
     def command(self) -> str:
         """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
+        file, stem = escape_dash(self.path), Path(self.path).stem
         if self.frf and not self.period:
-            out = escape_dash(Path(self.path).stem + "-model.json")
-            return shlex.join(["robust", "model", escape_dash(self.path), *self.frf_options, "-o", out])
-        out = f"-o {shlex.quote(escape_dash(Path(self.path).stem + '-bla.npz'))}"
-        words = ["nlfrf", "identify", shlex.quote(escape_dash(self.path))]
-        if self.schema:
-            return " ".join([*words, out])
-        words += ["--input", shlex.quote(quote_name(self.u or "INPUT"))]
-        words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
-        words += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
-        words += ["--reference", shlex.quote(quote_name(self.reference))] if self.reference else []
-        rates = {channel.name: channel.fs for channel in self.channels}
-        fs = rates.get(self.u, max(rates.values(), default=np.nan, key=np.isfinite))
-        words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
-        sizes = {channel.name: channel.n for channel in self.channels}
-        if sizes.get(self.u, max(sizes.values(), default=0)) < 2 * self.period or (self.u and not self.period):
-            words += ["--period", f"{self.period:.0f}" if self.period else "SAMPLES"]
-        words += ["--resample"] if self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
-        return " ".join([*words, out])
+            return shlex.join(["robust", "model", file, *self.frf_options, "-o", escape_dash(f"{stem}-model.json")])
+        options = () if self.schema else self.record_options()
+        return shlex.join(["nlfrf", "identify", file, *options, "-o", escape_dash(f"{stem}-bla.npz")])
+
+    def record_options(self) -> list[str]:
+        """Return the options that say what the record of others is."""
+        options = ["--input", quote_name(self.u or "INPUT"), "--output", quote_name(self.y or "OUTPUT")]
+        options += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
+        options += ["--reference", quote_name(self.reference)] if self.reference else []
+        known = [one for one in self.channels if self.u in ("", one.name)]
+        options += [] if any(np.isfinite(one.fs) for one in known) else ["--fs", "HERTZ"]
+        if max((one.n for one in known), default=0) < 2 * self.period or (self.u and not self.period):
+            options += ["--period", f"{self.period:.0f}" if self.period else "SAMPLES"]
+        return options + ["--resample"] * (self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE)
 
     def __str__(self) -> str:
         what = format_count(len(self.channels), "channel") if self.channels else self.schema
@@ -371,11 +368,6 @@ def describe_extent(content: Record | Multisine) -> str:
     f = content.lines.excited * content.f0
     band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
-
-
-def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClock | None:
-    """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
-    return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
 
 def is_varying(stream: np.ndarray) -> bool:

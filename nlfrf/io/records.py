@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypedDict, Unpack, overload
+from typing import TypeAlias, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design
 from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
-from nlfrf.io.uneven_clock import find_uneven_clock
+from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
 from nlfrf.records.period import detect_period, is_repeated
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import design_period
@@ -76,14 +76,9 @@ class LostRows:
     moments: np.ndarray
     fs: float
 
-    @property
-    def n_places(self) -> int:
-        """Samples from the first row to the last, lost ones included."""
-        return int(self.place[-1]) + 1
-
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """(n_places,) a stream with straight lines over what is lost: good enough to find its period, no more."""
-        return np.asarray(np.interp(np.arange(self.n_places), self.place, stream))
+        """Return a stream with straight lines over what is lost: good enough to find its period, no more."""
+        return np.asarray(np.interp(np.arange(self.place[-1] + 1), self.place, stream))
 
     def whole_periods(self, n_samples: int) -> np.ndarray:
         """Numbers of the periods, from 0, in which no row is lost."""
@@ -158,6 +153,7 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
 # ---- Rows of a file that are not those of one record: parts of it, and signals that take turns.
 
 HEAD_ROWS = 64  # rows that show whether signals take turns
+MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 
 
 def arrange_rows(
@@ -223,8 +219,8 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
         t = seconds[turns]
         shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
         late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G has that delay in it" if shift else ""
-        clock = file.clocks.get(full[0], file.clocks.get("")) or file.nearest_time_channel(full[0])
-        merged[str(clock)] = file.arrays[str(clock)][turns[0]]
+        time = file.time_of(full[0])
+        merged[time] = file.arrays[time][turns[0]]
     data_warning(f"the channels of {Path(file.path).name!r} take turns, a row each: {n} turns were merged{late}")
     return replace(file, arrays={**file.arrays, **merged})
 
@@ -254,64 +250,107 @@ def cut_windows(
     return parts or list(files)
 
 
-def even_out(
-    times: list[np.ndarray | None],
-    groups: Sequence[list[np.ndarray]],
-    *,
-    fs: float,
-    given: bool,
-    resample: bool,
-    paths: Sequence[str],
-) -> float:
-    """Put the streams of files whose time steps vary on an even clock, in place, and return its frequency [Hz].
-
-    They are refused where nobody asked for that, and warned of where the sampling frequency was given.
-    """
-    for m, seconds in enumerate(times):
-        found = None if find_lost_rows(seconds, fs) else find_uneven_clock(seconds, fs)
-        if found is not None and {group[m].shape[-1] for group in groups} == {found.seconds.size}:
-            # rows at the ends that lack a channel are left out
-            held = np.logical_and.reduce(
-                [np.isfinite(group[m]).all(axis=tuple(range(group[m].ndim - 1))) for group in groups]
-            )
-            first, last = np.flatnonzero(held)[[0, -1]] if held.any() else (0, held.size - 1)
-            found = find_uneven_clock(found.seconds[first : last + 1], fs)
-        if found is None:
-            continue
-        described = f"{Path(paths[m]).name!r}: {found.describe()}"
-        if resample:
-            for group in groups:
-                group[m] = found.filled(group[m][..., first : last + 1])
-            times[m], fs = None, found.fs
-            data_warning(f"{described}; its rows were put on an even clock of {fs:g} Hz by a cubic spline")
-        elif given:
-            data_warning(f"{described}; fs was given and is used as if there were one")
-        else:
-            raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
-    return fs
+def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClock | None:
+    """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
+    return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
 
-def keep_whole_periods(
-    times: Sequence[np.ndarray | None],
-    groups: Sequence[list[np.ndarray]],
-    *,
-    excitation: np.ndarray,
-    fs: float,
-    options: Cutting,
-    paths: Sequence[str],
-) -> Cutting:
-    """Leave out of streams, in place, the periods in which a time column shows that rows are lost.
+#: The streams (..., n) of a signal, one of each file, behind the parameter that they are.
+Group: TypeAlias = tuple[str, list[np.ndarray]]
 
-    `resample` looks where the input shows that the periods stand, and is left alone.
+
+def align_rows(
+    files: Sequence[Channels], names: Sequence[str], groups: Sequence[Group], *, fs: float | None, options: Cutting
+) -> tuple[float, Cutting]:
+    """Bring the streams of files onto one even clock, in place, and return it [Hz] and how they are to be cut.
 
     Parameters
     ----------
-    times : sequence of (n,) ndarray or None
-        Time of each row [s], of each file.
-    groups : sequence of list of (..., n) ndarray
-        The streams of each signal, of each file.
-    excitation : (n,) ndarray
-        Input or reference of the first file.
+    files : sequence of Channels
+        The files.
+    names : sequence of str
+        Their channels; the time column of the first counts.
+    groups : sequence of Group
+        The streams of these, input or reference in front.
+    fs : float, optional
+        The sampling frequency as it was given [Hz].
+    options : Cutting
+        How they are to be cut.
+
+    Raises
+    ------
+    ValueError
+        Several clocks, time steps that vary where nobody asked for an even clock, a file in which no period is whole.
+    """
+    clocks = [file.sampling_frequency(fs, tuple(names)) for file in files]
+    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
+        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    clock = clocks[0]
+    lost: list[LostRows | None] = []
+    for m, file in enumerate(files):
+        rows = find_rows_off(trim_missing(groups, m, file.seconds(names[0])), clock)
+        lost.append(rows if isinstance(rows, LostRows) else None)
+        if not isinstance(rows, UnevenClock):
+            continue
+        described = f"{Path(file.path).name!r}: {rows.describe()}"
+        if options.resample:
+            for _, streams in groups:
+                streams[m] = rows.filled(streams[m])
+            clock = rows.fs
+            data_warning(f"{described}; its rows were put on an even clock of {clock:g} Hz by a cubic spline")
+        elif fs is not None:
+            data_warning(f"{described}; fs was given and is used as if there were one")
+        else:
+            raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
+    if not any(lost) or options.resample:  # which looks where the input shows that the periods stand
+        return clock, options
+    return clock, keep_whole_periods(lost, groups, fs=clock, options=options, paths=[file.path for file in files])
+
+
+def trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -> np.ndarray | None:
+    """Cut the rows off both ends of a file where a channel has no number yet, or none any more; return their times.
+
+    None of streams that differ in length from each other, which are refused later, or from the time column.
+    """
+    sizes = {streams[m].shape[-1] for _, streams in groups}
+    if len(sizes) > 1:
+        return None
+    seconds = seconds if seconds is not None and seconds.size in sizes else None
+    if all(all_finite(streams[m]) for _, streams in groups):
+        return seconds
+    finite = [np.isfinite(np.atleast_2d(streams[m])).all(axis=0) for _, streams in groups]
+    held = np.logical_and.reduce(finite)
+    first, last = np.flatnonzero(held)[[0, -1]] if held.any() else (0, held.size - 1)
+    kept = slice(first, last + 1)
+    n_cut = held.size - held[kept].size
+    if not held[kept].all():
+        worst = min(range(len(groups)), key=lambda i: finite[i].sum())
+        bad = np.flatnonzero(~finite[worst])
+        raise ValueError(
+            f"{groups[worst][0]} must be finite, got {bad.size} nan or infinite numbers, the first at {bad[0]}; where "
+            "a channel has a slower clock than the other its cells stay empty: record both at one, or fill the gaps "
+            "and give the arrays to record_from_samples(u, y, fs=...)"
+        )
+    if n_cut > MAX_FRAYED_SHARE * held.size:
+        data_warning(
+            f"{n_cut} of {held.size} rows at the ends of the file have no number in every channel; they are left out"
+        )
+    for _, streams in groups:
+        streams[m] = streams[m][..., kept]
+    return None if seconds is None else seconds[kept]
+
+
+def keep_whole_periods(
+    lost: Sequence[LostRows | None], groups: Sequence[Group], *, fs: float, options: Cutting, paths: Sequence[str]
+) -> Cutting:
+    """Leave out of streams, in place, the periods in which rows are lost, and return how what is left is to be cut.
+
+    Parameters
+    ----------
+    lost : sequence of LostRows or None
+        What is lost in each file.
+    groups : sequence of Group
+        The streams, input or reference in front.
     fs : float
         Sampling frequency [Hz].
     options : Cutting
@@ -319,26 +358,16 @@ def keep_whole_periods(
     paths : sequence of str
         The files.
 
-    Returns
-    -------
-    Cutting
-        How what is left is to be cut.
-
     Raises
     ------
     ValueError
         A file in which no period is whole.
     """
-    lost = [find_lost_rows(seconds, fs) for seconds in times]
-    if not any(lost) or options.resample:
-        return options
-    sizes = {stream.shape[-1] for group in groups for stream in group[:1]}
-    if len(sizes) > 1 or not all(all_finite(stream) for group in groups for stream in group):
-        return options  # refused, or cut at its ends, where the streams are held against each other
     n_samples = options.n_samples
     if n_samples is None and options.design is not None:
         n_samples = design_period(options.design, fs)
     elif n_samples is None:
+        excitation = groups[0][1][0].reshape(-1, groups[0][1][0].shape[-1])[0]
         found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
         n_samples = round(found)
         if abs(found - n_samples) > WHOLE_TOLERANCE:
@@ -357,13 +386,10 @@ def keep_whole_periods(
                     "or let resample=True look for periods"
                 )
             data_warning(f"{descriptions}, and kept; the others are left out")
-        for group in groups:
+        for _, streams in groups:
             cut = n_discard * n_samples
-            group[m] = group[m][..., cut:] if rows is None else rows.kept(group[m], n_samples, n_discard)
+            streams[m] = streams[m][..., cut:] if rows is None else rows.kept(streams[m], n_samples, n_discard)
     return options._replace(n_samples=n_samples, n_discard=0)
-
-
-MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 
 
 class ReadOptions(TypedDict, total=False):
@@ -551,24 +577,13 @@ def measured_records(
     """Return a record for each output, of the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
-    requested = (*names.values(), *outputs)
-    clocks = [file.sampling_frequency(fs, requested) for file in files]
-    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
-        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    groups = [*(streams[signal] for signal in names), *measured["y"].values()]
-    times = [file.seconds(names["u"]) for file in files]
-    paths = [file.path for file in files]
-    clock = even_out(times, groups, fs=clocks[0], given=fs is not None, resample=options.resample, paths=paths)
-    options = keep_whole_periods(
-        times,
-        groups,
-        excitation=streams.get("r", streams["u"])[0],
-        fs=clock,
+    fs, options = align_rows(
+        files,
+        (*names.values(), *outputs),
+        [(signal, streams[signal]) for signal in sorted(names)] + [("y", group) for group in measured["y"].values()],
+        fs=fs,
         options=options,
-        paths=paths,
     )
-    del groups  # which would hold the streams until the records are made
-    trim_missing({signal: streams[signal] for signal in names}, measured["y"])
     for name in outputs:
         if files[0].full_name(name) == files[0].full_name(names["u"]):
             data_warning(f"y names the input itself, {name!r}: G is 1 whatever was measured")
@@ -578,39 +593,10 @@ def measured_records(
         streams.pop("u"),
         measured.pop("y"),
         r=streams.pop("r", None),
-        fs=clock,
+        fs=fs,
         options=options,
         labels=labels,
     )
-
-
-def trim_missing(*groups: dict[str, list[np.ndarray]]) -> None:
-    """Cut the rows off both ends of each file where a channel has no number yet, or none any more."""
-    for m in range(len(next(iter(groups[0].values())))):
-        streams = {(i, name): group[name][m] for i, group in enumerate(groups) for name in group}
-        sizes = {stream.size for stream in streams.values()}
-        if len(sizes) > 1 or all(map(all_finite, streams.values())):
-            continue
-        held = np.logical_and.reduce([np.isfinite(s) for s in streams.values()])
-        if not held.any():
-            continue
-        first, last = np.flatnonzero(held)[[0, -1]]
-        inside = held[first : last + 1]
-        if not inside.all():
-            worst = min(streams, key=lambda key: np.isfinite(streams[key]).sum())
-            bad = np.flatnonzero(~np.isfinite(streams[worst]))
-            raise ValueError(
-                f"{'y' if worst[0] else worst[1]} must be finite, got {bad.size} nan or infinite numbers, the first at "
-                f"{bad[0]}; where a channel has a slower clock than the other its cells stay empty: record both at "
-                "one, or fill the gaps and give the arrays to record_from_samples(u, y, fs=...)"
-            )
-        if held.size - inside.size > MAX_FRAYED_SHARE * held.size:
-            data_warning(
-                f"{held.size - inside.size} of {held.size} rows at the ends of the file have no number in every "
-                "channel; they are left out"
-            )
-        for (i, name), stream in streams.items():
-            groups[i][name][m] = stream[first : last + 1]
 
 
 # ---- Records of several inputs or outputs from files.
@@ -635,18 +621,12 @@ def load_channels(
         for parameter, names in (("u", u), ("y", y), ("r", r))
         if names
     }
-    clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
-    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
-        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    times, groups, paths = [file.seconds(u[0]) for file in files], list(signals.values()), [f.path for f in files]
-    clock = even_out(times, groups, fs=clocks[0], given=fs is not None, resample=options.resample, paths=paths)
-    excitation = signals.get("r", signals["u"])[0][0]
-    cut = keep_whole_periods(times, groups, excitation=excitation, fs=clock, options=options, paths=paths)
+    fs, cut = align_rows(files, (*u, *y, *r), sorted(signals.items()), fs=fs, options=options)
     return record_from_samples(
         signals["u"],
         signals["y"],
         r=signals.get("r"),
-        fs=clock,
+        fs=fs,
         n_samples=cut.n_samples,
         lines=options.lines,
         n_discard=options.n_discard,

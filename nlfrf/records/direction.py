@@ -37,41 +37,37 @@ class SignalLines(NamedTuple):
     dirt: float
     is_exact: bool
 
-    def between(self, excited: np.ndarray, detection: np.ndarray) -> np.ndarray:
-        """Return the power of detection lines over that of the excited lines beside each of them."""
+    def emptiness(self, excited: np.ndarray) -> float:
+        """Return how large the detection lines of a grid are over the lines beside them, in the median; nan of few."""
+        detection = detection_lines(excited) if excited.size else excited
+        if detection.size < MIN_LINES:
+            return np.nan
         level = np.log(np.maximum(self.power[excited - 1], 1e-300))
-        return np.asarray(self.power[detection - 1] / np.exp(np.interp(detection, excited, level)))
-
-    @property
-    def emptiness(self) -> float:
-        """How large its detection lines are over the lines beside them, in the median; nan of few or none."""
-        detection = detection_lines(self.grid.excited)
-        few = detection.size < MIN_LINES
-        return np.nan if few else float(np.median(self.between(self.grid.excited, detection)))
+        return float(np.median(self.power[detection - 1] / np.exp(np.interp(detection, excited, level))))
 
     @property
     def is_clean(self) -> bool:
         """Whether nothing speaks against it as what was played: its lines are of one level, and those between empty."""
-        return bool(self.spread < MIN_UNEVEN and not self.emptiness > EMPTY)
+        return bool(self.spread < MIN_UNEVEN and not self.emptiness(self.grid.excited) > EMPTY)
 
     @property
     def is_one_period(self) -> bool:
         """Whether it is one period of an odd multisine: lines enough, all of them odd, and with no common divisor."""
         excited = self.grid.excited
         odd = excited.size >= MIN_ODD_LINES and np.all(excited % 2) and np.gcd.reduce(excited) == 1
-        return bool(odd and self.emptiness < MAX_DIRT_RATIO)
+        return bool(odd and self.emptiness(excited) < MAX_DIRT_RATIO)
 
 
-def find_signal_lines(periods: np.ndarray) -> SignalLines:
+def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
     """Return the lines of a signal (1, P, N); of few ones the spread and what is between them are infinite.
 
-    Raises
-    ------
-    ValueError
-        No line stands out of its noise.
+    None where no line stands out of its noise.
     """
-    power, noise = line_powers(periods)
-    grid = lines_from_powers(power, noise)
+    try:
+        power, noise = line_powers(periods)
+        grid = lines_from_powers(power, noise)
+    except ValueError:
+        return None
     is_exact = periods.shape[1] > 1 and has_equal_periods(periods)
     steps = np.abs(np.diff(periods[0, -1]))
     quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
@@ -91,15 +87,17 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
     """
     excited = played.grid.excited
     excited = excited[excited <= other.grid.excited[-1]]  # the band that both show
-    detection = detection_lines(excited) if excited.size else excited
-    if detection.size < MIN_LINES or played.power.size != other.power.size:
+    if played.power.size != other.power.size:
         return ""
-    clean, full = (one.between(excited, detection) for one in (played, other))
-    above_noise = other.power[detection - 1].mean() > SIGNIFICANCE * other.noise[detection - 1].mean()
-    if not (above_noise and EMPTY < np.median(full) < FULL and np.median(clean / full) < MAX_DIRT_RATIO):
+    clean, full = played.emptiness(excited), other.emptiness(excited)
+    if not (EMPTY < full < FULL and clean < MAX_DIRT_RATIO * full):
         return ""
-    clean_dB, full_dB = (-10 * np.log10(max(float(np.median(one)), 1e-30)) for one in (clean, full))
-    return f"{clean_dB:.0f} dB under the lines beside them against {full_dB:.0f} dB"
+    detection = detection_lines(excited) - 1
+    if other.power[detection].mean() <= SIGNIFICANCE * other.noise[detection].mean():
+        return ""
+    return (
+        f"{-10 * np.log10(max(clean, 1e-30)):.0f} dB under the lines beside them against {-10 * np.log10(full):.0f} dB"
+    )
 
 
 def compare_levels(played: SignalLines, other: SignalLines) -> bool:
@@ -107,11 +105,13 @@ def compare_levels(played: SignalLines, other: SignalLines) -> bool:
     return played.spread < EVEN and other.spread > max(MIN_UNEVEN, MIN_SPREAD_RATIO * played.spread)
 
 
-def describe_played(played: SignalLines, other: SignalLines | None) -> str:
+def describe_played(played: SignalLines | None, other: SignalLines | None) -> str:
     """Return what shows that a signal was played that counts as an output, and not the other; an empty text if nothing.
 
     Even lines do so where they are clean as well: a machine may undo the shape that a multisine was given.
     """
+    if played is None:
+        return ""
     if other is None or (compare_levels(played, other) and played.dirt < MAX_DIRT_RATIO * other.dirt):
         return f"its lines are even to {played.spread:.2g} dB" if played.spread < EVEN else ""
     return f"its detection lines are empty, {found}" if (found := compare_detection_lines(played, other)) else ""

@@ -47,6 +47,14 @@ def detect_period(u: np.ndarray) -> float:
     return period_by_autocorrelation(u)
 
 
+def detect_repetition(u: np.ndarray) -> float:
+    """Return the period of a signal (n,) as `detect_period`; refuse one that is like itself for a few cycles only."""
+    period = detect_period(u)
+    if not is_repeated(u, period):
+        raise ValueError(describe_no_repetition(u.size))
+    return period
+
+
 def period_by_autocorrelation(u: np.ndarray) -> float:
     """`detect_period` by the autocorrelation of all of it."""
     u = u - u.mean()

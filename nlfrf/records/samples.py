@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modulus, streams_equal
 from nlfrf.records.direction import SignalLines, describe_played, find_signal_lines
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
-from nlfrf.records.period import describe_no_repetition, detect_period, is_repeated
+from nlfrf.records.period import describe_no_repetition, detect_period, detect_repetition, is_repeated
 from nlfrf.records.record import Record, SignalLabels, require_varying
 from nlfrf.records.reference import design_period, fill_reference, reconstruct_references
 from nlfrf.records.screening.gaps import find_slips
@@ -580,15 +580,9 @@ def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabel
         for name in output_names(cut)
         if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
     ]
-    lines = {}
-    for name, signal in cut.items():
-        with suppress(ValueError):
-            lines[name] = find_signal_lines(signal[:1, -2:])
-            if name == "u" and lines[name].is_clean:
-                break
-    found = describe_swap(lines, output_names(cut), labels)
-    if message or found:
-        data_warning("; ".join([*message, *([found] if found else [])]))
+    message.append(describe_swap(cut, lambda signal: find_signal_lines(signal[:1, -2:]), labels))
+    if any(message):
+        data_warning("; ".join(filter(None, message)))
 
 
 @contextmanager
@@ -597,49 +591,44 @@ def add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Itera
     try:
         yield
     except ValueError as error:
-        found = (
-            ""
-            if "r" in streams or not labels
-            else describe_swap(lines_of_first_periods(streams), output_names(streams), labels)
-        )
-        if not found:
+        if not (found := describe_swap(streams, lines_of_first_period, labels)):
             raise
         raise ValueError(f"{found}; so far {error}") from None
 
 
-def lines_of_first_periods(streams: Streams) -> dict[str, SignalLines]:
-    """Return the lines of the first period of each signal, as long as each says itself; none of one without.
+def lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
+    """Return the lines of the first period of a signal, as long as it says itself; None where it has none.
 
     Lost samples make the period that is found shorter by a part of one: of the two whole ones the one with even lines.
     """
-    found = {}
-    for name, signal in streams.items():
-        with suppress(ValueError):
-            n = int(detect_period(signal[0]))
-            both = (signal[0][np.newaxis, np.newaxis, :k] for k in (n, n + 1))
-            found[name] = min(map(find_signal_lines, both), key=lambda one: one.spread)
-    return found
+    try:
+        n = int(detect_period(signal[0]))
+    except ValueError:
+        return None
+    both = (find_signal_lines(signal[0][np.newaxis, np.newaxis, :k]) for k in (n, n + 1))
+    return min(filter(None, both), key=lambda one: one.spread, default=None)
 
 
-def describe_swap(lines: Mapping[str, SignalLines], outputs: Sequence[str], labels: Mapping[str, SignalLabels]) -> str:
+def describe_swap(
+    signals: Mapping[str, Any], lines_of: Callable[[Any], SignalLines | None], labels: Mapping[str, SignalLabels]
+) -> str:
     """Describe exchanged signals: by its lines an output was played and the input was not; else an empty text.
 
     Parameters
     ----------
-    lines : mapping of str to SignalLines
-        Lines of each signal that has some.
-    outputs : sequence of str
-        The signals that are outputs.
+    signals : mapping of str to a signal
+        Input and outputs; with a reference nothing is said.
+    lines_of : callable
+        Lines of a signal, None where it has none.
     labels : mapping of str to mapping
         Names of input and output by output.
     """
-    u = lines.get("u")
-    for name, label in zip(outputs, labels.values(), strict=True):
-        y = lines.get(name)
-        if y is None or (u is not None and u.is_clean):
-            continue
+    if "r" in signals or not labels:
+        return ""
+    u = lines_of(signals["u"])
+    for name, label in zip(output_names(signals), labels.values(), strict=True):
         u_name, y_name = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
-        if found := describe_played(y, u):
+        if found := "" if u and u.is_clean else describe_played(lines_of(signals[name]), u):
             return (
                 f"the multisine is found in y{y_name}, {found}, and not in u{u_name}: are input and output swapped? "
                 "u is what was played; in a closed loop name its reference, r"
@@ -682,11 +671,11 @@ def rounded_period(u: np.ndarray, resample: bool) -> int:
     """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
-        if not is_repeated(u, period):
-            raise ValueError(describe_no_repetition(u.size))
         raise ValueError(
             f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
             "resample=True cuts it on that period"
+            if is_repeated(u, period)
+            else describe_no_repetition(u.size)
         )
     return round(period)
 
@@ -708,14 +697,12 @@ def check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
     if lost > MAX_PERIOD_DIFFERENCE * (whole + lost):
         unexplained = lost / (whole + lost)
         try:
-            period = detect_period(stream)
+            period = detect_repetition(stream)
             found = f"its autocorrelation points to {period:.1f}"
-            if not is_repeated(stream, period):
-                raise ValueError
             if abs(period / fs - n_samples) < 0.1:
                 found += f"; a period counts samples: {n_samples} s at {fs:g} Hz are {period:.0f}"
-        except ValueError:
-            found = f"it does not seem to repeat at all; {describe_no_repetition(stream.size)}"
+        except ValueError as error:
+            found = f"it does not seem to repeat at all; {error}"
         raise ValueError(
             f"n_samples must be the period of the input, got {u.shape[2]}: "
             f"{100 * unexplained:.0f} % of its power does not repeat from period to period; {found}"

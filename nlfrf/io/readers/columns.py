@@ -36,7 +36,5 @@ def contents(path: Path) -> Contents:
             column = column.cast(float64())
         arrays[name] = column.to_numpy()
         metadata = about.metadata or {}
-        unit = next((metadata[key].decode() for key in (b"unit", b"units") if key in metadata), "")
-        if unit:
-            units[name] = unit
+        units[name] = next((metadata[key].decode() for key in (b"unit", b"units") if key in metadata), "")
     return found

@@ -67,12 +67,9 @@ def contents(path: Path) -> Contents:
             return
         for name, array in dataset_streams(prefix, node, by_key).items():
             arrays[name] = array
-            unit = next((by_key[key] for key in UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
-            if unit:
-                units[name] = unit
+            units[name] = next((by_key[key] for key in UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
             if clock := stated_clock(by_key):
-                clocks[name], start, units[f"{name}.start"] = clock
-                arrays[f"{name}.start"] = np.array(start)
+                clocks[name], arrays[f"{name}.start"], units[f"{name}.start"] = clock
 
     file = h5py.File(path, "r")
     add("", file)
@@ -80,7 +77,7 @@ def contents(path: Path) -> Contents:
     return found
 
 
-def stated_clock(by_key: Attributes) -> tuple[float, float, str] | None:
+def stated_clock(by_key: Attributes) -> tuple[float, np.ndarray, str] | None:
     """Return the sampling frequency that attributes state, the start of the abscissa and its unit; None without."""
     key = next((one for one in RATE_ATTRIBUTES + STEP_ATTRIBUTES if is_positive_number(by_key.get(one))), "")
     if not key:
@@ -90,7 +87,7 @@ def stated_clock(by_key: Attributes) -> tuple[float, float, str] | None:
     unit = next(
         (str(by_key[one]) for one in stated if by_key.get(one)), "s" if is_rate or key == "wf_increment" else ""
     )
-    return number if is_rate else 1 / number, float(start) if is_finite_number(start) else 0.0, unit
+    return number if is_rate else 1 / number, np.array(float(start) if is_finite_number(start) else 0.0), unit
 
 
 def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:

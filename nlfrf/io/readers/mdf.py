@@ -45,6 +45,5 @@ def contents(path: Path) -> Contents:
             arrays.setdefault(times, np.asarray(signal.timestamps, dtype=float))
             units.setdefault(times, "s")
             arrays[unique], clocks[unique] = samples, times
-            if signal.unit:
-                units[unique] = str(signal.unit)
+            units[unique] = str(signal.unit or "")
     return found

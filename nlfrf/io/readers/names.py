@@ -50,23 +50,20 @@ SCALES = {
     "cNp": 0.01 / log(10),
 }
 #: Units by their spellings: the factor to base units, and the powers of these. A base unit stands for itself.
-ANGLES = {
+UNITS = {
     "rad radian radians": (1.0, "rad"),
     "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad in German; grad in small letters may be the gon
     "gon gons gradian gradians": (TURN / 400, "rad"),
     "rev revs revolution revolutions turn turns cycle cycles cyc tr": (TURN, "rad"),
     "arcmin": (TURN / 21600, "rad"),
     "arcsec": (TURN / 1296000, "rad"),
-}
-FREQUENCIES = {"Hz hertz cps": (TURN, "rad s-1"), "rpm CPM": (TURN / 60, "rad s-1")}
-TIMES = {
+    "Hz hertz cps": (TURN, "rad s-1"),
+    "rpm CPM": (TURN / 60, "rad s-1"),
     "s sec secs second seconds sekunde sekunden": (1.0, "s"),
     "min mins minute minutes": (60.0, "s"),
     "h hr hrs hour hours": (3600.0, "s"),
     "d day days": (86400.0, "s"),
     "week weeks": (604800.0, "s"),
-}
-PHYSICAL = {
     "m meter meters metre metres": (1.0, "m"),
     "cm": (0.01, "m"),
     "in inch inches": (0.0254, "m"),
@@ -108,11 +105,13 @@ PHYSICAL = {
     "π pi": (pi, ""),
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
-RATIOS = ("1", *[*PHYSICAL][-1].split())  # units of a ratio
-FACTOR = r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
-#: A symbol ends where its word does: else a long word could be cut in countless ways.
-FACTOR += r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
-FACTOR += r"(?:(?:\^|\*\*)?(-[1-4]|(?:[2-4]|(?<=[*^])1)(?!\d)))?)\s*"
+RATIOS = ("1", *[*UNITS][-1].split())  # units of a ratio
+#: Mark, number, exponent, symbol, power. A symbol ends where its word does: else a long one is cut in countless ways.
+FACTOR = (
+    r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
+    r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
+    r"(?:(?:\^|\*\*)?(-[1-4]|(?:[2-4]|(?<=[*^])1)(?!\d)))?)\s*"
+)
 
 
 class Unit(NamedTuple):
@@ -127,8 +126,7 @@ class Unit(NamedTuple):
 @lru_cache(1)
 def known_symbols() -> dict[str, tuple[float, str, str]]:
     """Return factor, powers and symbol by what is written; in other letters, too, where a prefix keeps its own."""
-    tables = (ANGLES, FREQUENCIES, TIMES, PHYSICAL)
-    units = {symbol: (*one, symbol) for table in tables for names, one in table.items() for symbol in names.split()}
+    units = {symbol: (*one, symbol) for names, one in UNITS.items() for symbol in names.split()}
     found = {
         prefix + symbol: (scale * one[0], *one[1:])
         for prefix, scale in PREFIXES.items()
@@ -220,25 +218,22 @@ QUANTITIES = {
     "amplitudengang ganancia guadagno",
     "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
 }
-SIGNS = {
+#: Signs, inverses of G and ("loss") of its magnitude alone, powers, words that mean nothing, and those that must not.
+WORDS = {
     "minus": "minus neg negative negated",
     "conjugate": "conj conjugate conjugated",
     "lag": "lag lagging",
     "lead": "lead leading",
-}
-INVERSES = {"inverse": "inverse inv reciprocal", "loss": "attenuation attn loss"}  # of G, and of its magnitude alone
-POWERS = {"squared": "squared square", "power": "power", "log": "log"}
-FILLERS = {
+    "inverse": "inverse inv reciprocal",
+    "loss": "attenuation attn loss",
+    "squared": "squared square",
+    "power": "power",
+    "log": "log",
     "filler": "of the in part component value values response data frf wrapped unwrapped shift linear as function "
     "axis insertion return transmission",
     "no_name": "normalized normalised normiert scaled relative rel error err delta difference margin slope",
 }
-ROLES = {
-    word: role
-    for table in (QUANTITIES, SIGNS, INVERSES, POWERS, FILLERS)
-    for role, listed in table.items()
-    for word in listed.split()
-}
+ROLES = {word: role for role, listed in (WORDS | QUANTITIES).items() for word in listed.split()}
 #: What a name is rewritten by, in turn, before its words are looked up; ⟪⟫ are around what a quantity is of.
 REWRITTEN = (
     (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
@@ -433,10 +428,8 @@ def rewrite_function(found: re.Match[str]) -> str:
     """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
-    is_word = is_unit or (len(argument) > 1 and argument.lower() in ROLES)
-    is_word = is_word or (
-        found[1].lower() in ("phase", "angle", "mag", "magnitude") and len(argument) > 1 and argument.islower()
-    )
+    is_written = argument.islower() and found[1].lower() in ("phase", "angle", "mag", "magnitude")
+    is_word = is_unit or (len(argument) > 1 and (is_written or argument.lower() in ROLES))
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 

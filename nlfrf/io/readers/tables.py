@@ -96,15 +96,13 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     names = header.names
     texts = (i for i, some in enumerate(layout.filled) if some and not (layout.numeric[i] or layout.moments[i]))
     notes = header.unplaced | {names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()}
-    moments: list[str] = []
     arrays = {names[i]: column for i, column in columns.items()}
-    units = {name: unit for name, unit in zip(names, header.units, strict=True) if unit}
-    for i, seconds in seconds_of_moments(frame, layout).items():
-        arrays, units[names[i]] = {names[i]: seconds} | arrays, "s"
-        moments.append(names[i])
+    moments = {names[i]: seconds for i, seconds in seconds_of_moments(frame, layout).items()}
+    units = dict(zip(names, header.units, strict=True)) | dict.fromkeys(moments, "s")
+    arrays = moments | arrays
     clocks, more = clocks_of_table(header, list(columns), list(arrays))
-    if moments and not any(map(is_time_name, arrays)):
-        clocks.setdefault("", moments[0])  # by what it holds, whatever it is called
+    for name in () if any(map(is_time_name, arrays)) else moments:
+        clocks.setdefault("", name)  # by what it holds, whatever it is called
     return arrays | more, units, clocks, notes
 
 

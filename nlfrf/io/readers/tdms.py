@@ -38,10 +38,9 @@ def contents(path: Path) -> Contents:
                 notes[name] = "holds no numbers"
                 continue
             arrays[name] = array
-            unit = str(channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription") or "")
+            stated = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+            units[name] = str(stated or units.get(name, ""))
             step = channel.properties.get("wf_increment", 0.0)
-            if unit:
-                units[name] = unit
             if isinstance(step, float) and step > 0 and channel.properties.get("wf_xname", "Time") in ("Time", ""):
                 clocks[name] = 1 / step
                 arrays[f"{name}.start"] = np.array(float(channel.properties.get("wf_start_offset") or 0.0))

@@ -46,8 +46,7 @@ def contents(path: Path) -> Contents:
             axes[key] = f"axis{len(axes) + 1}.time" if axes else "time"
             arrays[axes[key]], units[axes[key]] = time, "ms"
         arrays[name], clocks[name] = samples, axes[key]
-        if channel.units:
-            units[name] = str(channel.units)
+        units[name] = str(channel.units or "")
     return found
 
 

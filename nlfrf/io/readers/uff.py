@@ -38,7 +38,7 @@ def contents(path: Path) -> Contents:
         name = unused_name(record_name(one), arrays)
         arrays[name] = data
         step = float(one.get("abscissa_inc") or 0.0)
-        counted, unit = stated_unit(one, "abscissa"), stated_unit(one, "ordinate")
+        counted, units[name] = stated_unit(one, "abscissa"), stated_unit(one, "ordinate")
         x = np.asarray(one.get("x", ()), dtype=float)
         if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
             clocks[name] = 1 / step
@@ -48,8 +48,6 @@ def contents(path: Path) -> Contents:
             )
         elif x.shape == data.shape:
             arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, counted or "s", f"{name}.time"
-        if unit:
-            units[name] = unit
     return arrays, units, clocks, {}
 
 
@@ -63,11 +61,8 @@ def frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dic
             name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
             arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
             units[f"{name}.frequency"] = stated_unit(one, "abscissa") or "Hz"
-            units |= (
-                {name: "/".join(filter(None, (stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))}
-                if not suffix
-                else {}
-            )
+            if not suffix:
+                units[name] = "/".join(filter(None, (stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))
     return arrays, units
 
 

@@ -134,6 +134,20 @@ def test_where_a_clock_varies_is_said(tmp_path):
     assert found.command.endswith("--resample -o run-bla.npz")
 
 
+@pytest.mark.parametrize(("u", "y"), [("u", "y"), (["u", "v"], ["y"])])
+def test_rows_without_a_channel_do_not_hide_the_clock(u, y, tmp_path):
+    """a0402523: "the period of u seems to be 999.68 samples"; a shorter y ended in an UnboundLocalError."""
+    kept = np.arange(U.size) != 1700
+    late = np.where(np.arange(U.size) < 5, np.nan, Y)
+    v = np.roll(U, N // 2) + np.cos(2 * np.pi * 77 * T)
+    np.savez(tmp_path / "lost.npz", time_s=T[kept], u=U[kept], v=v[kept], y=late[kept])
+    with pytest.warns(nlfrf.DataWarning, match="one sample lost; period 1 is whole"):
+        assert np.shape(nlfrf.load_record(tmp_path / "lost.npz", u=u, y=y, n_samples=N).y)[-2:] == (1, N)
+    np.savez(tmp_path / "short.npz", time_s=np.where(T < 1.5, T, 2 * T - 1.5), u=U, v=v, y=Y[:-9])
+    with pytest.raises(ValueError, match=r"y must (be as long as|have the experiments and samples of) u"):
+        nlfrf.load_record(tmp_path / "short.npz", u=u, y=y, resample=True)
+
+
 def test_two_rates_are_no_lost_rows():
     t = np.cumsum(np.r_[np.full(2000, 1e-3), np.full(1000, 2e-3)])
     found = find_uneven_clock(t, 1000.0)
