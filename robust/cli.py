@@ -440,8 +440,7 @@ def prove(
     basis = to_prove.read_basis(given)
     with spinner("proving"):
         proofs = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
-        tested = to_prove.describe_frequency_test(basis, K, late)
-    text = f"{basis}\n" + "\n\n".join(map(str, proofs)) + tested
+    text = f"{basis}\n" + "\n\n".join(map(str, proofs))
     say = printer(json)
     say(text)
     if out is not None:

@@ -4,7 +4,6 @@ from .classes import any_maxwell_slip as any_maxwell_slip
 from .classes import any_passive as any_passive
 from .plant import two_mass_plant as two_mass_plant
 from .proof.certify import FrictionProof as FrictionProof
-from .proof.linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .reading.assumed_class import FrictionClass as FrictionClass
 from .reading.friction_class import friction_class as friction_class
 from .reading.identification import FrictionFit as FrictionFit

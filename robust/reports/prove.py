@@ -20,7 +20,6 @@ from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_sl
 from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.certify import FrictionProof
-from robust.friction.proof.linear_uncertainty import friction_frequency_test
 from robust.friction.reading.assumed_class import FrictionClass
 from robust.friction.reading.friction_class import friction_class
 from robust.friction.reading.from_blas import highest_level
@@ -31,7 +30,7 @@ from robust.io.models import load_bla, load_model
 from robust.models.sets.model import UncertaintyModel
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 #: Options of `nlfrf.load_record`, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
@@ -295,16 +294,6 @@ def add_next_command(how: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"{error}; {how}") from None
-
-
-def describe_frequency_test(basis: FrictionBasis, K: control.StateSpace, delay: float) -> str:
-    """Describe the frequency test of mass and stiffness of levels within two standard deviations; else empty."""
-    found = basis.levels
-    if found is None or not isinstance(basis.friction, AnyFriction):
-        return ""
-    errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
-    test = friction_frequency_test(found.machine, K, basis.friction, delay=delay, margin=True, **errors)
-    return f"\n\nTwo standard deviations. {test}"
 
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: FrictionBasis) -> None:

@@ -4,7 +4,6 @@ blocks        elements of controllers: notch, lead, low-pass, PID, with what `tu
 conic         convex programs of designs, as the solver takes them
 fixed         controllers of fixed structure, from the FRF or with a proof
 hinf          H-infinity synthesis
-nesting       `nested_loops`: an outer and an inner loop as one controller
 reduction     a controller of lower order that keeps what was proved
 shaping       compensators: lead, lag, notch, low-pass, PID
 tuning        blocks of any structure in any loops, tuned together for several plants

@@ -1,7 +1,6 @@
 from .fixed.structures import ControllerStructure as ControllerStructure
 from .hinf.dk import DkDesign as DkDesign
 from .hinf.hinfsyn import Synthesis as Synthesis
-from .nesting import nested_loops as nested_loops
 from .reduction import Reduction as Reduction
 from .two_dof import feedforward_filter as feedforward_filter
 from .two_dof import prefilter as prefilter

@@ -2,7 +2,6 @@
 
 certify             weights of the filters, a judged certificate, and the claim it makes
 dissipation         the dissipation inequality of the multipliers, in states that come to rest
-linear_uncertainty  the class beside an LTI error of the linear part: a test at frequencies, no proof
 multipliers         weights of filters on the friction, by a linear program
 ports               friction at several places: weights of the filters at each, and a bound
 prove               the entry point: a proof for every friction of a class

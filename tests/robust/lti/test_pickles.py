@@ -95,7 +95,6 @@ def values_of_robust():
         robust.friction.FrictionClass(machines=(machine,), friction=slip, **known),
     )
     yield robust.prove_friction(machine, 1e3, slip, Fs=1.0, saturation=20.0)
-    yield robust.friction.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)
     yield robust.synthesis.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
     yield from (robust.io.pid_gains(K), robust.step_response(FIT.G, K), robust.check(MODEL, K).classical)
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])

@@ -219,7 +219,6 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in out
     text = (tmp_path / "proof.txt").read_text()
     assert text.removesuffix("\n\n(written by 'robust prove')\n") in out
-    assert "Two standard deviations. Frequency test, not a proof" in unwrapped(out)
     assert robust.io.verify_certificate("proof.certificate.json").verified
     nominal = robust.fit_nominal(measured_levels[2], n_poles=2, n_zeros=0)
     robust.save(robust.uncertainty(measured_levels[2], nominal), "m.json")

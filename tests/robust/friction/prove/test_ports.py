@@ -310,7 +310,6 @@ def test_what_knows_one_port_refuses_several():
     K = cascade(DRIVE, output_unit="N")
     for call in (
         lambda: robust.prove_friction(SCREW, K, CLASSES, Fs=(1.0, 1.0), saturation=20.0),
-        lambda: robust.friction.friction_frequency_test(SCREW, K, CLASSES[0], mass=1.0, stiffness=0.0),
         lambda: robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=T, prove=(SCREW, CLASSES[0])),
     ):
         with pytest.raises(ValueError, match="port"):

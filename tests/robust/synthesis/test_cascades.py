@@ -7,7 +7,7 @@ import pytest
 from robust import UncertaintyModel, check, sampled
 from robust.lti.lti import response
 from robust.margins import disk_margin
-from robust.synthesis import feedforward_filter, nested_loops
+from robust.synthesis import feedforward_filter
 
 LINES = np.array([1.0, 10.0])
 INTEGRATOR = control.tf([1], [1, 0])
@@ -30,7 +30,7 @@ def test_a_cascade_is_checked_as_one_loop():
     """Robust by the check: every plant of the set is stable in both loops; beyond the margin one is not."""
     G = control.ss(control.tf([50], [1, 3]) * control.tf([400], [1, 8, 400]))
     K_x, K_v = control.tf([4], [1]), control.tf([0.04, 0.1], [1, 0])
-    K = nested_loops(K_x, K_v, outer=INTEGRATOR)
+    K = control.ss(K_v) * (1 + control.ss(K_x) * control.ss(INTEGRATOR))
     alone, as_one = control.feedback(control.ss(K_v) * G, 1).poles(), control.feedback(G * K, 1).poles()
     assert np.sort_complex(both_loops(G, K_x, K_v).poles()) == pytest.approx(np.sort_complex(as_one), rel=1e-6)
     assert alone.real.max() < 0
@@ -64,7 +64,7 @@ def test_a_velocity_from_differences_of_a_position():
     """Under a clock: u = K_v (K_x (r - x) - (x[k] - x[k-1])/dt), step by step and as one controller."""
     dt, G = 0.01, control.ss(control.tf([1], [1, 2, 0]))
     difference = control.tf([1, -1], [dt, 0], dt)
-    K = nested_loops(5.0, 8.0, inner=difference)
+    K = 8.0 * (5.0 + control.ss(difference))
     plant = sampled(G, dt)
     x, before, state, path = 0.0, 0.0, np.zeros((2, 1)), [0.0]
     for _ in range(300):
@@ -76,11 +76,6 @@ def test_a_velocity_from_differences_of_a_position():
     found = control.forced_response(loop, np.arange(301) * dt, 8.0 * 5.0 * np.ones(301)).outputs
     assert found == pytest.approx(np.array(path), abs=1e-9)
     assert path[-1] == pytest.approx(1.0, abs=1e-2)
-
-
-def test_cascade_refuses_parts_that_do_not_fit():
-    with pytest.raises(ValueError, match="systems must have one sampling time"):
-        nested_loops(control.tf([1], [1, 0]), control.tf([1, 0.5], [1, -1], 0.1))
 
 
 @pytest.mark.parametrize(
