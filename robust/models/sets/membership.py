@@ -72,7 +72,7 @@ class Deviation:
             self.parts,
             lambda level: lambda pairs: self.terms(pairs).below(level),
             lambda pairs: self.terms(pairs).least_level(),
-            start=points_of_band((omega, omega), self.dt)[0],
+            starts=points_of_band((omega, omega), self.dt)[:1],
             bands=self.bands,
             dt=self.dt,
             tolerance=tolerance,

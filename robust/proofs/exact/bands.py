@@ -29,12 +29,12 @@ from robust.proofs.exact.polynomials import (
     moebius_transform,
     proved,
     refuted,
+    routh,
     to_rational,
     to_rational_matrix,
     undecided,
 )
 
-ROOT_BITS = (64, 256, 1024, 4096)
 END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
 SINGULAR = "the inequality is an equality at every frequency"
 TIME_UP = "undecided, as time was up"
@@ -68,22 +68,43 @@ class TransferMatrix:
         >>> str(lag.at(fmpq(2))[0].re), str(lag.on_axis(fmpq(1))[0].im)       # 1/(2 + 1), and -1/2 of 1/(1 + j)
         ('[1/3]', '[-1/2]')
         """
-        n = system.order
-        A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
-        den = A.charpoly() if n else fmpq_poly([1])
+        matrices = [to_rational_matrix(getattr(system, name)) for name in "ABCD"]
+        return cls.of_rationals(*matrices, discrete=bool(system.dt), own_poles=own_poles)
+
+    @classmethod
+    def of_rationals(
+        cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, *, discrete: bool, own_poles: bool = True
+    ) -> TransferMatrix:
+        """Return `of` of a system whose matrices are rationals."""
+        n, rows, columns = A.nrows(), D.nrows(), D.ncols()
+        den = A.charpoly()
 
         def numerator(i: int, j: int) -> fmpq_poly:
             b, c = fmpq_mat(n, 1, [B[k, j] for k in range(n)]), fmpq_mat(1, n, [C[i, k] for k in range(n)])
-            through = den - (A + b * c).charpoly() if system.B[:, j].any() and system.C[i].any() else fmpq_poly([0])
-            return through + den * D[i, j]
+            return den * (D[i, j] + 1) - (A + b * c).charpoly()
 
         def parts(p: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
-            p = moebius_transform(p, n) if system.dt else p
+            p = moebius_transform(p, n) if discrete else p
             return fmpq_poly(p.coeffs()[::2]), fmpq_poly(p.coeffs()[1::2])
 
-        rows, columns = system.D.shape
         num = tuple(tuple(parts(numerator(i, j)) for j in range(columns)) for i in range(rows))
         return cls(num=num, den=parts(den), order=n, own_poles=own_poles)
+
+    @property
+    def characteristic(self) -> fmpq_poly:
+        """Return d(s), of a discrete system that of its bilinear image."""
+        even, odd = (p(fmpq_poly([0, 0, 1])) for p in self.den)
+        return even + fmpq_poly([0, 1]) * odd
+
+    @cached_property
+    def stability(self) -> Decision:
+        """Decide whether every pole is stable."""
+        return routh(self.characteristic, self.order)
+
+    @property
+    def is_zero(self) -> bool:
+        """Return whether nothing passes from any input to any output."""
+        return not any(p for row in self.num for parts in row for p in parts)
 
     def denominator(self, s: fmpq) -> fmpq:
         """Return d(s) d(-s)."""
@@ -109,8 +130,12 @@ class TransferMatrix:
         minus = fmpq_mat([[(e - o) / (even - s * odd) for e, o in row] for row in values])
         return ExactMatrix.real(plus), ExactMatrix.real(minus.transpose())
 
-    def on_axis(self, x: fmpq) -> Pair:
-        """Return X(jx) and its conjugate transpose; a ZeroDivisionError at a pole."""
+    def on_axis(self, x: fmpq | None) -> Pair:
+        """Return X(jx), at infinity where x is None, and its conjugate transpose; a ZeroDivisionError at a pole."""
+        if x is None:
+            k, part = divmod(self.order, 2)
+            direct = fmpq_mat([[parts[part][k] / self.den[part][k] for parts in row] for row in self.num])
+            return ExactMatrix.real(direct), ExactMatrix.real(direct.transpose())
         y = -x * x
         even, odd = self.den[0](y), x * self.den[1](y)
         size = even * even + odd * odd
@@ -204,6 +229,28 @@ def gain_below(level: float) -> Inequality:
     return inequality
 
 
+def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) -> Decision:
+    """Decide whether a system is stable and its largest singular value below a level everywhere, at infinity too.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # 1/(s + 1): norm one
+    >>> [decide_norm(lag, x).holds for x in (1.0, np.nextafter(1, 2))]
+    [False, True]
+    """
+    if not H.stability.holds:
+        return H.stability
+    inequality = gain_below(level)
+    p = determinant([H], inequality, deadline)
+    if p is None:
+        return undecided(TIME_UP)
+    roots = complex_roots(p(fmpq_poly([0, -1]))) if p.degree() > 0 else []
+    is_reached = p.degree() < H.order or any(y.imag == 0 and not y.real < 0 for y, _ in roots)
+    if is_reached or not inequality([H.on_axis(fmpq(1))]).is_positive:
+        return refuted("the largest singular value reaches the level")
+    return proved()
+
+
 def multiply(left: Pair, right: Pair) -> Pair:
     """Return the product of two systems at a point, and its adjoint."""
     return left[0] * right[0], right[1] * left[1]
@@ -281,33 +328,21 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
 
     high : None for infinity, in place of which a number beyond the last root stands.
     """
-    q = p(fmpq_poly([0, -1]))
-    for bits in ROOT_BITS:
-        with ctx.workprec(bits):
-            inside = roots_inside(q, low * low, None if high is None else high * high)
-        if inside is None:
-            continue
-        last = 4 * max([low * low, fmpq(1), *(above for _, above in inside)]) if high is None else high * high
-        ends = [(low * low, low * low), *inside, (last, last)]
-        if all(before[1] < after[0] for before, after in pairwise(ends)):
-            return [(before[1], after[0]) for before, after in pairwise(ends)]
-    raise ArithmeticError("roots of a determinant of doubles lie too near to each other")
+    first, last = low * low, None if high is None else high * high
+    q = p(fmpq_poly([0, -1])) * fmpq_poly([-first, 1])
+    q = q if last is None else q * fmpq_poly([-last, 1])
+    balls = sorted(ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0)  # of distinct roots apart
+    inside = [(below, above) for below, above in balls if above >= first and (last is None or below <= last)]
+    if last is None:
+        beyond = 4 * max(fmpq(1), inside[-1][1])
+        inside.append((beyond, beyond))
+    return [(before[1], after[0]) for before, after in pairwise(inside)]
 
 
-def roots_inside(q: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]] | None:
-    """Return the ends of the balls of all real roots between low and high; None for want of digits."""
-    found = []
-    for root, _ in complex_roots(q) if q.degree() > 0 else []:
-        if root.imag != 0:
-            continue
-        y = root.real
-        for end in (low, high):
-            if end is not None and y.contains(end) and q(end) != 0:
-                return None
-        if y > low and (high is None or y < high):
-            middle, radius = exact_number(y.mid()), exact_number(y.rad())
-            found.append((middle - radius, middle + radius))
-    return sorted(found, key=lambda ends: ends[0])
+def ends_of_ball(y: arb) -> tuple[fmpq, fmpq]:
+    """Return both ends of a ball."""
+    middle, radius = exact_number(y.mid()), exact_number(y.rad())
+    return middle - radius, middle + radius
 
 
 def exact_number(x: arb) -> fmpq:
@@ -335,9 +370,9 @@ def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequali
     raise AssertionError
 
 
-def to_float(x: fmpq) -> float:
-    """Return the nearest double of a rational number."""
-    return int(x.p) / int(x.q)
+def to_float(x: fmpq | None) -> float:
+    """Return the nearest double of a rational number; infinity of None."""
+    return np.inf if x is None else int(x.p) / int(x.q)
 
 
 def to_numbers(M: ExactMatrix) -> np.ndarray:
