@@ -261,37 +261,6 @@ def subtract(left: Pair, right: Pair) -> Pair:
     return left[0] - right[0], left[1] - right[1]
 
 
-@value(copy=False)
-class Terms:
-    """What E = X Delta Y is asked of: X, E and Y, and what rounding may add to X and to Y (None: nothing)."""
-
-    X: Pair
-    E: Pair
-    Y: Pair
-    more_X: Pair | None = None
-    more_Y: Pair | None = None
-
-    @property
-    def sizes(self) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix | None]:
-        """Return X X~, Y~ Y with what rounding adds, and what it adds to the first."""
-        right = self.Y[1] * self.Y[0]
-        right = right if self.more_Y is None else right + self.more_Y[1] * self.more_Y[0]
-        return self.X[0] * self.X[1], right, None if self.more_X is None else self.more_X[0] * self.more_X[1]
-
-    def below(self, level: float) -> ExactMatrix:
-        """Return the matrix that is positive where a Delta of gain below the level does."""
-        left, right, more = self.sizes
-        left = left.times(to_rational(level) ** 2)
-        return join_blocks([[left if more is None else left + more, self.E[0]], [self.E[1], right]])
-
-    def least_level(self) -> float:
-        """Return the gain of the smallest Delta."""
-        left, right, more = self.sizes
-        needed = self.E[0] * right.inverse * self.E[1]
-        found = left.inverse * (needed if more is None else needed - more)
-        return float(np.sqrt(max(0.0, np.linalg.eigvals(to_numbers(found)).real.max())))
-
-
 def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
     """Return one matrix of rows of matrices."""
     return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))

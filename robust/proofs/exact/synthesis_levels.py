@@ -16,7 +16,7 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 from scipy.linalg import matrix_balance
 
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.matrices import ldl_pivots, stack
+from robust.proofs.exact.matrices import identity, ldl_pivots, stack
 
 Balls: TypeAlias = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
@@ -57,14 +57,17 @@ def level_fails(
         )
         try:
             parts = balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
-            parts = continuous_image(parts) if plant.dt else parts
+            parts = half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
             return existence_fails(half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
         except ZeroDivisionError:
             return None
 
 
 def half_plane_image(plant: Balls, a: float, b: float) -> Balls:
-    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`."""
+    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`.
+
+    Of a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
+    """
     A, B, C, D = plant
     one, near, far = identity_balls(A.nrows()), arb(a), arb(b)
     inverse = (one - A * (1 / far)).inv()
@@ -146,17 +149,6 @@ def sign_of(H: arb_mat) -> arb_mat | None:
 # ---- Systems in balls.
 
 
-def continuous_image(loop: Balls) -> Balls:
-    """Return the image of a discrete loop on the imaginary axis, z = (1 + s)/(1 - s).
-
-    P stays that of the loop itself.
-    """
-    A, B, C, D = loop
-    one, root = identity_balls(A.nrows()), arb(2).sqrt()
-    back = (A + one).inv()
-    return back * (A - one), back * B * root, C * back * root, D - C * back * B
-
-
 def balance_states(loop: Balls) -> Balls:
     """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
     A, B, C, D = loop
@@ -195,7 +187,7 @@ def frobenius_norm(matrix: arb_mat) -> arb:
 
 def identity_balls(n: int) -> arb_mat:
     """Return the identity in balls."""
-    return diagonal_balls([arb(1)] * n)
+    return arb_mat(identity(n))
 
 
 def diagonal_balls(numbers: list[arb]) -> arb_mat:
