@@ -27,17 +27,18 @@ from robust.models.sets.forms import MatrixForm
 from robust.proofs.exact.bands import (
     Pair,
     TransferMatrix,
-    decide_on_axis,
+    cut_at_crossings,
     join_blocks,
     multiply,
     points_of_band,
     subtract,
+    to_float,
     to_numbers,
 )
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.interval_kyp import ExactMatrix
 from robust.proofs.exact.matrices import identity
-from robust.proofs.exact.polynomials import Decision, proved, to_rational
+from robust.proofs.exact.polynomials import Decision, proved, refuted, to_rational, undecided
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
 #: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
@@ -80,11 +81,13 @@ class Deviation:
         """Decide whether the smallest Delta has at most this gain at every frequency."""
         deadline = time.thread_time() + time_cap
         for low, high in self.bands:
-            found = decide_on_axis(
+            pieces = cut_at_crossings(
                 self.parts, lambda pairs: self.terms(pairs).below(level), low=low, high=high, deadline=deadline
             )
-            if not found.holds:
-                return found
+            if isinstance(pieces, str):
+                return undecided(pieces)
+            if outside := [piece.x for piece in pieces if not piece.M.is_positive]:
+                return refuted("outside there", to_float(outside[0]))
         return proved()
 
     def bound(self, omega: float, tolerance: float, time_cap: float = TIME_CAP) -> GainBound:

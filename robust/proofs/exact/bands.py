@@ -181,6 +181,13 @@ def cut_at_crossings(
     """Return the pieces of the axis from low to high between the roots of det M; else why there are none.
 
     A root is where an eigenvalue of M changes its sign, or touches zero, or a pole on the axis.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # |1/(1 + jx)|
+    >>> def holds(level, low): return [p.M.is_positive for p in cut_at_crossings([lag], gain_below(level), low=low)]
+    >>> holds(0.71, 0.0), holds(0.70, 1.0), holds(0.71, 1.0), holds(1.0, 0.0)
+    ([False, True], [False, True], [True], [True])
     """
     p = determinant(parts, inequality, deadline)
     if p is None:
@@ -190,33 +197,6 @@ def cut_at_crossings(
     ends = pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
     pieces = [look_inside(*each, parts, inequality) for each in ends]
     return [*pieces[:-1], replace(pieces[-1], high=high)]
-
-
-def decide_on_axis(
-    parts: Sequence[TransferMatrix],
-    inequality: Inequality,
-    *,
-    low: float = 0.0,
-    high: float = np.inf,
-    deadline: float = np.inf,
-) -> Decision:
-    """Decide whether M is positive semidefinite at every x from low to high that is no pole.
-
-    >>> import numpy as np
-    >>> one = np.ones((1, 1))
-    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # |1/(1 + jx)|
-    >>> [decide_on_axis([lag], gain_below(x), low=1.0).holds for x in (0.70, 0.71)]
-    [False, True]
-    >>> decide_on_axis([lag], gain_below(0.71)).violated, decide_on_axis([lag], gain_below(1.0)).holds
-    (True, True)
-    """
-    pieces = cut_at_crossings(parts, inequality, low=low, high=high, deadline=deadline)
-    if isinstance(pieces, str):
-        return undecided(pieces)
-    for piece in pieces:
-        if not piece.M.is_positive:
-            return refuted("not positive there", to_float(piece.x))
-    return proved()
 
 
 def gain_below(level: float) -> Inequality:

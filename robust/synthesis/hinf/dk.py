@@ -18,7 +18,7 @@ import numpy as np
 from nlfrf._base.arguments import format_count, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem, Weight
-from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
+from robust.lti.connections import block_diagonal, inverse_system, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
@@ -376,12 +376,6 @@ def reduce_by_mu(
             judged = judge_by_mu(P, one, blocks=blocks, omega=omega)
             found = judged if judged.mu < found.mu else found
     return found
-
-
-def inverse_system(d: control.StateSpace) -> control.StateSpace:
-    """Return 1/d of one input and output."""
-    gain = 1 / d.D[0, 0]
-    return control.StateSpace(d.A - gain * d.B @ d.C, gain * d.B, -gain * d.C, [[gain]], d.dt)
 
 
 def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:
