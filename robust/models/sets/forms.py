@@ -21,7 +21,7 @@ import numpy as np
 
 from nlfrf._base.arguments import inverse_unit
 from nlfrf._base.values import value
-from robust.lti.connections import feedback, in_parallel, in_series, one_plus, proper_inverse
+from robust.lti.connections import feedback, in_parallel, in_series, inverse_system, one_plus
 from robust.lti.lti import divide_right
 from robust.models.sets.coprime import chord, coprime_phase_offset, plant_of_perturbed_factors, tangent, tangent_system
 
@@ -174,7 +174,7 @@ FORMS = {
         Form(
             name="inverse-multiplicative",
             perturbed=lambda G, w, Delta: G / (1 + w * Delta),
-            perturbed_system=lambda G, w, D: in_series(proper_inverse(one_plus(in_series(D, w))), G),
+            perturbed_system=lambda G, w, D: in_series(inverse_system(one_plus(in_series(D, w))), G),
             deviation=lambda G_p, G: (G - G_p) / G_p,
             radius_scale=lambda center, absolute: 1 / (center - absolute),
             radius_limit=lambda center: center,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import control
 import numpy as np
 
-from robust.lti.connections import block_diagonal, in_series, proper_inverse
+from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
@@ -25,7 +25,7 @@ def perturbed_plant(
     row = FORMS[form]
     if W is None or not row.depends_on_units:
         return row.perturbed_system(G, w, Delta)
-    return in_series(row.perturbed_system(in_series(G, W), w, Delta), proper_inverse(W))
+    return in_series(row.perturbed_system(in_series(G, W), w, Delta), inverse_system(W))
 
 
 def random_delta(

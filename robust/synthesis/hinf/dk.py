@@ -18,7 +18,7 @@ import numpy as np
 from nlfrf._base.arguments import format_count, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem, Weight
-from robust.lti.connections import block_diagonal, inverse_system, lower_lft, weighted_plant
+from robust.lti.connections import biproper_inverse, block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
@@ -320,7 +320,7 @@ def start_descent(
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
-        found = least_level(scaled_plant(P, [(d, inverse_system(d)) for d in functions], s, sizes), *sizes, near[0])
+        found = least_level(scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes), *sizes, near[0])
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
@@ -340,7 +340,7 @@ def move_scalings(
     functions = next(moves, None)
     if functions is None:
         return [], "mu did not fall any more"
-    scaling: list[Scaling] = [(d, inverse_system(d)) for d in functions]
+    scaling: list[Scaling] = [(d, biproper_inverse(d)) for d in functions]
     order = max(d.nstates for d in functions)
     return attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
 
