@@ -92,11 +92,9 @@ def assemble_on_lines(
 ) -> LoopOnLines:
     """Put an FRF and a controller together, or refuse what does not fit."""
     K = state_space("K", K)
-    delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation, W = parts_on_lines(model)
     sampled_frf = frf_sampling_time(model) or None
-    require_usable_frf(omega, G, timebase(K))
-    require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
+    require_usable_frf(omega, G, K, sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
         require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
@@ -104,8 +102,8 @@ def assemble_on_lines(
         source=model,
         K=K,
         w_P=w_P,
-        delay=delay,
-        n_unstable=n_unstable,
+        delay=require_nonnegative("delay", delay),
+        n_unstable=require_integer("n_unstable", n_unstable, least=0),
         omega=omega,
         G=G,
         w=w,
@@ -160,16 +158,15 @@ def assemble_matrix_on_lines(
     """Put an FRF of several channels and a controller together, or refuse what does not fit."""
     K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
     require_shape(K, G.noutputs, G.ninputs)
-    delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
-    require_usable_frf(omega, np.asarray(G.frdata), timebase(K))
-    require_sampling_time("K", K, reference="the FRF", wanted=frf_sampling_time(G) or None)
+    delay = require_nonnegative("delay", delay)
+    require_usable_frf(omega, np.asarray(G.frdata), K, frf_sampling_time(G) or None)
     seen = np.asarray(G.frdata) * hold_and_delay_factor(G, omega, dt=timebase(K), delay=delay)
     return MatrixLoopOnLines(
         G=control.FrequencyResponseData(seen, omega, inputs=G.input_labels, outputs=G.output_labels),
         K=K,
         w_P=None if w_P is None else repeat_over_channels("w_P", w_P, G.noutputs),
         delay=delay,
-        n_unstable=n_unstable,
+        n_unstable=require_integer("n_unstable", n_unstable, least=0),
     )
 
 
@@ -178,13 +175,9 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
-    met = Stability.STABLE if turns == loop.wanted else Stability.UNSTABLE
-    nominal, nothing = met if clear else Stability.UNDECIDED, np.full(omega.size, np.nan)
-    reason, margins, np_ = (
-        explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False),
-        Margins(),
-        nothing,
-    )
+    nominal, nothing = stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
+    reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False)
+    margins, np_ = Margins(), nothing
     if nominal is Stability.STABLE:
         S = np.linalg.inv(one + L)
         peak = peak_of(omega, np.linalg.norm(S, 2, axis=(1, 2)))
@@ -208,8 +201,9 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     )
 
 
-def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
-    """Refuse an FRF that has no finite value somewhere, or lines that the controller is too slow for."""
+def require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None) -> None:
+    """Refuse an FRF that has no finite value somewhere, and a controller of another clock or too slow for the lines."""
+    dt = timebase(K)
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
     if not np.isfinite(G).all():
@@ -219,6 +213,14 @@ def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
         raise ValueError(
             f"K must be sampled fast enough for the lines up to {format_hertz(omega[-1])}, got dt = {dt:g} s"
         )
+    require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
+
+
+def stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
+    """Return what a winding number says of a loop that has to wind so often."""
+    if not clear:
+        return Stability.UNDECIDED
+    return Stability.STABLE if turns == wanted else Stability.UNSTABLE
 
 
 def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
@@ -229,8 +231,8 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
     encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
-    met = Stability.STABLE if encirclements == wanted else Stability.UNSTABLE
-    nominal, has_set = met if clear else Stability.UNDECIDED, bool(np.isfinite(loop.curves.w).all())
+    nominal = stability_on_lines(encirclements, clear, wanted)
+    has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
     margins = margins_on_lines(loop.curves) if stable else Margins()
     proofs, hold = Proofs(violated=has_set and margins.largest_rs >= 1), dt and not frf_sampling_time(loop.source)

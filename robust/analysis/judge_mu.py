@@ -51,7 +51,7 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     if taken.nominally_stable:
         system = loop.sensitivity(form)
         S = set_gain(system.N, system.structure, curve=False)
-        margins = replace(taken.margins, S_worst=S.upper, omega_S_worst=S.omega_upper, S_worst_lines=S.n_lines)
+        margins = replace(taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines)
         taken = replace(taken, margins=margins)
     return add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
 

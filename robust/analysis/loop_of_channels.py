@@ -12,7 +12,7 @@ from robust._base.types import Blocks, Controller, Weight
 from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.findings import Given
 from robust.analysis.sampled_set import SampledSet, set_on_controller_time_base
-from robust.lti.grids import structure_grid
+from robust.lti.grids import Peak, peak_of, structure_grid
 from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
@@ -85,23 +85,25 @@ def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None)
 
 @value
 class SetGain:
-    """The largest gain from inputs to outputs over a set: a curve of upper bounds, and the largest of all.
+    """The largest gain from inputs to outputs over a set: a curve of upper bounds, the largest of all among them.
 
     Fields
     ------
     omega, gain : (W,) ndarray
         Frequencies [rad/s] and the bound there.
-    upper, omega_upper : float
-        Bound at all frequencies, and where it is reached within 0.1 % [rad/s].
     n_lines : int
-        0 where `upper` is proved at all frequencies, else the number of those that it was looked at on.
+        0 where the largest one is proved at all frequencies (and reached within 0.1 % where it stands), else the number
+        of those that it was looked at on.
     """
 
     omega: np.ndarray
     gain: np.ndarray
-    upper: float
-    omega_upper: float
     n_lines: int = 0
+
+    @property
+    def peak(self) -> Peak:
+        """Return the largest bound."""
+        return peak_of(self.omega, self.gain)
 
 
 def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> SetGain:
@@ -110,9 +112,7 @@ def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> Se
     omega = np.array([found.omega])
     if curve or not found.is_proved:
         omega = np.union1d(structure_grid(N)[1:], omega)
-    gain = gain_bound(response_by_channel(N, omega), blocks) if omega.size > 1 else np.array([found.upper])
+    gain = gain_bound(response_by_channel(N, omega), blocks)
     if not found.is_proved:
-        at = int(gain.argmax())
-        return SetGain(omega=omega, gain=gain, upper=float(gain[at]), omega_upper=float(omega[at]), n_lines=omega.size)
-    gain = np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper))
-    return SetGain(omega=omega, gain=gain, upper=found.upper, omega_upper=found.omega)
+        return SetGain(omega=omega, gain=gain, n_lines=omega.size)
+    return SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))

@@ -36,12 +36,17 @@ def one_plus(X: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(X.A, X.B, X.C, X.D + 1, X.dt)
 
 
-def inverse_system(X: control.StateSpace) -> control.StateSpace:
+def biproper_inverse(X: control.StateSpace) -> control.StateSpace:
     """1 / X for a biproper X."""
     d = X.D[0, 0]
-    if abs(d) < 1e-9:
-        raise ValueError("form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite frequency")
     return control.StateSpace(X.A - X.B @ X.C / d, X.B / d, -X.C / d, [[1 / d]], X.dt)
+
+
+def inverse_system(X: control.StateSpace) -> control.StateSpace:
+    """Return `biproper_inverse` of what a plant is divided by, or a refusal."""
+    if abs(X.D[0, 0]) < 1e-9:
+        raise ValueError("form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite frequency")
+    return biproper_inverse(X)
 
 
 def feedback(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:

@@ -175,28 +175,6 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     return eigenvalues_near_axis(H, rounding)
 
 
-def real_block_crossings(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return where N^H N + j (G N - N^H G^H) - 1 may become singular, as `crossings`; None where it is so at infinity.
-
-    With G large the same question put as a norm (a completed square) is hopelessly close to one.
-    """
-    A, B, C, D = matrices
-    if A.shape[0] == 0:
-        return np.zeros(0), np.zeros(0)
-    skew = 1j * G @ D
-    R = D.conj().T @ D + skew + skew.conj().T - np.eye(D.shape[1])
-    S = C.conj().T @ (D - 1j * G.conj().T)
-    size = 1.0 + np.linalg.norm(D) ** 2 + 2 * np.linalg.norm(skew)
-    smallest = np.abs(np.linalg.eigvalsh(R)).min() / size
-    if smallest < 1e-9:
-        return None
-    F = A - B @ np.linalg.solve(R, S.conj().T)
-    H = np.block(
-        [[F, -B @ np.linalg.solve(R, B.conj().T)], [S @ np.linalg.solve(R, S.conj().T) - C.conj().T @ C, -F.conj().T]]
-    )
-    return eigenvalues_near_axis(H, EPS / min(smallest, 1.0))
-
-
 def eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
     if not np.isfinite(H).all():

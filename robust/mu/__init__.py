@@ -7,6 +7,7 @@ crossings      the smallest perturbation that takes a pole to the stability boun
 gain           the worst gain over a set: its bound, and a perturbation that attains it
 intervals      the proof of a level with a scaling for each interval of the frequency
 parameters     margins and bounds for real parameters
+pieces         the stretches of frequency on which a scaling proves a level
 perturbations  lower bounds: a perturbation that makes the loop singular, verified
 scalings       upper bounds by scalings, refined around their peaks
 set_gain       the worst gain over a set, bounded at all frequencies by exact arithmetic

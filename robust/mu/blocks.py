@@ -115,6 +115,13 @@ def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str 
     return found
 
 
+def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Blocks, np.ndarray]:
+    """Return the blocks and a full one that closes what they leave of N, and which of them that is (K,)."""
+    rows, cols = block_structure("blocks", blocks).shape
+    whole = [*blocks, (shape[0] - rows, shape[1] - cols)]
+    return whole, np.arange(len(whole)) == len(blocks)
+
+
 def place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
     """Return a block in a matrix of zeros."""
     out = np.zeros(shape, complex)

@@ -18,7 +18,7 @@ from robust._base.types import AnySystem, Blocks
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
-from robust.mu.blocks import block_structure, blocks_with_kinds, structure_for
+from robust.mu.blocks import blocks_with_kinds, structure_for, with_performance_block
 from robust.mu.gain import gain_bound, search_worst_case
 from robust.mu.intervals import certify_intervals
 from robust.mu.perturbations import lower
@@ -201,13 +201,6 @@ def worst_gain(
         return on_lines
     whole, growing = with_performance_block(blocks, M.shape[:2])
     return at_every_frequency(on_lines, multivariable("N", N), whole, growing=growing)
-
-
-def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Blocks, np.ndarray]:
-    """Return the blocks and a full one that closes what they leave of N, and which of them that is (K,)."""
-    rows, cols = block_structure("blocks", blocks).shape
-    whole = [*blocks, (shape[0] - rows, shape[1] - cols)]
-    return whole, np.arange(len(whole)) == len(blocks)
 
 
 def at_every_frequency(

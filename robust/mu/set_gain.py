@@ -1,38 +1,27 @@
 """The worst gain over a set at all frequencies: bounded by scalings, each proved where it holds (SP 8.10.3).
 
-With X > 0 that commutes with the perturbations, the gain stays below gamma where
-
-    diag(X_R, gamma^2) - N~ diag(X_L, 1) N >= 0.
-
+The gain stays below gamma where mu of the blocks and a full one for the performance does, its inputs over gamma.
 A scaling is taken where nothing is proved yet, and exact arithmetic says on which stretches of the axis it holds
-(`robust.proofs.exact.bands`). What is left is covered by others, from where they are best; where no scaling proves
+(`robust.mu.pieces`). What is left is covered by others, from where they are best; where no scaling proves
 gamma, the bound there is the next gamma.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 
 import control
 import numpy as np
 
 from robust._base.types import Blocks
-from robust.lti.lti import poles, response_by_channel, timebase, to_s_plane
+from robust.lti.lti import response_by_channel, timebase
+from robust.mu.blocks import block_structure, with_performance_block
 from robust.mu.gain import gain_bound
+from robust.mu.pieces import cut_by_scaling
 from robust.mu.scalings import upper_bound
-from robust.proofs.exact.bands import (
-    Inequality,
-    Pair,
-    TransferMatrix,
-    cut_at_crossings,
-    frequency_of_point,
-    points_of_band,
-    to_float,
-)
+from robust.proofs.exact.bands import TransferMatrix, frequency_of_point, points_of_band, to_float
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.interval_kyp import ExactMatrix
-from robust.proofs.exact.polynomials import to_rational_matrix
+from robust.proofs.exact.polynomials import polynomial_roots
 from robust.proofs.search.bands import TIME_CAP, GainBound
 
 TOLERANCE = 1e-3  # between the bound at all frequencies and the largest at one
@@ -58,24 +47,21 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
     (True, 1.7)
     """
     deadline, dt = time.thread_time() + time_cap, timebase(N)
-    H, sizes = TransferMatrix.of(to_matrices(N)), [np.array(each) for each in zip(*blocks, strict=True)]
-    whole = np.append(sizes[0], N.noutputs - sizes[0].sum()), np.append(sizes[1], N.ninputs - sizes[1].sum())
-    omega = starting_points(N)
+    H, cols = TransferMatrix.of(to_matrices(N)), sum(block[1] for block in blocks)
+    whole, _ = with_performance_block(blocks, (N.noutputs, N.ninputs))
+    s = block_structure("blocks", whole)
+    omega = starting_points(H, dt)
     gains = gain_bound(response_by_channel(N, omega), blocks)
     lower, peak = float(gains.max()), float(omega[gains.argmax()])
     level, todo = lower * (1 + TOLERANCE), [(0.0, np.inf, points_of_band((peak, peak), dt)[0])]
     while todo and np.isfinite(level):
         low, high, x = todo.pop()
-        here = frequency_of_point(x, dt)
+        here, units = frequency_of_point(x, dt), np.where(np.arange(N.ninputs) < cols, 1.0, level)
         M = np.moveaxis(response_by_channel(N, np.array([here])), 2, 0)
-        M[:, :, sizes[1].sum() :] /= level
-        found = upper_bound(M, list(zip(*whole, strict=True)), target=1.0)
-        assert found.scaling is not None  # of an upper bound
+        found = upper_bound(M / units, whole, target=1.0)
         proved = found.value[0] < 1
         if proved:
-            X = (np.abs(np.diag(found.scaling[0][:, :, 0])) ** 2)[np.cumsum(whole[0]) - 1]
-            holds = gain_below_scaled(level, *(np.repeat(X / X[-1], size) for size in whole), n=int(whole[1][-1]))
-            pieces = cut_at_crossings([H], holds, low=low, high=high, deadline=deadline)
+            pieces = cut_by_scaling(H, s, found, units=units, x=x, band=(low, high), deadline=deadline)
             if isinstance(pieces, str):
                 return GainBound(upper=np.inf, lower=lower, omega=peak, reason=pieces)
             rest = [piece for piece in pieces if not piece.M.is_positive]
@@ -83,30 +69,14 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
             proved = not any(piece.low <= x <= piece.high for piece in rest)
         if not proved:  # no scaling does here, or it does so by less than rounding
             todo += [(low, high, x)] * (not found.value[0] < 1)
-            gain = float(gain_bound(response_by_channel(N, np.array([here])), blocks)[0])
+            gain = float(gain_bound(M.transpose(1, 2, 0), blocks)[0])
             lower, peak = (gain, here) if gain > lower else (lower, peak)
             level = max(level, lower) * (1 + TOLERANCE)
     return GainBound(upper=level, lower=lower, omega=peak)
 
 
-def gain_below_scaled(level: float, X_L: np.ndarray, X_R: np.ndarray, *, n: int) -> Inequality:
-    """Return diag(X_R, level^2) - N~ diag(X_L, 1) N, of scalings that end in n ones for the performance."""
-    right = X_R.copy()
-    right[-n:] = level**2
-    P, Q = (ExactMatrix.real(to_rational_matrix(np.diag(each))) for each in (X_L, right))
-
-    def inequality(pairs: Sequence[Pair]) -> ExactMatrix:
-        H, adjoint = pairs[0]
-        return Q - adjoint * P * H
-
-    return inequality
-
-
-def starting_points(N: control.StateSpace) -> np.ndarray:
+def starting_points(H: TransferMatrix, dt: float) -> np.ndarray:
     """Return frequencies [rad/s] of poles, the lightest first, for a first level."""
-    dt = timebase(N)
-    s = to_s_plane(poles(N), dt)
-    s = s[np.isfinite(s) & (s.imag >= 0) & (np.abs(s) > 0)]
+    s = polynomial_roots(H.characteristic)
     s = s[np.argsort(np.abs(s.real) / np.abs(s))][:N_STARTS]
-    omega = np.abs(s) if s.size else np.ones(1)
-    return np.unique(np.minimum(omega, np.pi / dt) if dt else omega)
+    return np.array([frequency_of_point(float(x), dt) for x in np.unique(np.abs(s))] or [1.0])

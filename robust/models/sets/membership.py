@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 
 import control
 import numpy as np
+from flint import fmpq
 from scipy.linalg import eig
 
 from nlfrf._base.values import value
@@ -25,18 +26,19 @@ from robust.lti.stability import unstable_poles
 from robust.models.sets.forms import MatrixForm
 from robust.proofs.exact.bands import (
     Pair,
-    Terms,
     TransferMatrix,
-    decide_on_axis,
+    cut_at_crossings,
     join_blocks,
     multiply,
     points_of_band,
     subtract,
+    to_float,
+    to_numbers,
 )
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.interval_kyp import ExactMatrix
 from robust.proofs.exact.matrices import identity
-from robust.proofs.exact.polynomials import Decision, proved
+from robust.proofs.exact.polynomials import Decision, proved, refuted, to_rational, undecided
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
 #: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
@@ -44,6 +46,26 @@ from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 #: coordinates leave up to some 1e-14.
 ROUNDING = 1e-12
 POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
+
+
+@value(copy=False)
+class Terms:
+    """What E = X Delta Y is asked of: E, X X~ and Y~ Y at a point, and what rounding may add to X X~."""
+
+    E: Pair
+    left: ExactMatrix
+    right: ExactMatrix
+    more: ExactMatrix
+
+    def below(self, level: float) -> ExactMatrix:
+        """Return the matrix that is positive where a Delta of gain below the level does."""
+        left = self.left.times(to_rational(level) ** 2) + self.more
+        return join_blocks([[left, self.E[0]], [self.E[1], self.right]])
+
+    def least_level(self) -> float:
+        """Return the gain of the smallest Delta."""
+        found = self.left.inverse * (self.E[0] * self.right.inverse * self.E[1] - self.more)
+        return float(np.sqrt(max(0.0, np.linalg.eigvals(to_numbers(found)).real.max())))
 
 
 @value(copy=False)
@@ -59,11 +81,13 @@ class Deviation:
         """Decide whether the smallest Delta has at most this gain at every frequency."""
         deadline = time.thread_time() + time_cap
         for low, high in self.bands:
-            found = decide_on_axis(
+            pieces = cut_at_crossings(
                 self.parts, lambda pairs: self.terms(pairs).below(level), low=low, high=high, deadline=deadline
             )
-            if not found.holds:
-                return found
+            if isinstance(pieces, str):
+                return undecided(pieces)
+            if outside := [piece.x for piece in pieces if not piece.M.is_positive]:
+                return refuted("outside there", to_float(outside[0]))
         return proved()
 
     def bound(self, omega: float, tolerance: float, time_cap: float = TIME_CAP) -> GainBound:
@@ -72,7 +96,7 @@ class Deviation:
             self.parts,
             lambda level: lambda pairs: self.terms(pairs).below(level),
             lambda pairs: self.terms(pairs).least_level(),
-            start=points_of_band((omega, omega), self.dt)[0],
+            starts=points_of_band((omega, omega), self.dt)[:1],
             bands=self.bands,
             dt=self.dt,
             tolerance=tolerance,
@@ -106,12 +130,14 @@ def block_deviation(
     def terms(pairs: Sequence[Pair]) -> Terms:
         at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
         rest = dict(zip(more, pairs[4:], strict=True))
+        X = multiply(at[left], at["W_l"]) if left else at["W_l"]
+        Y = multiply(at["W_r"], at[right]) if right else at["W_r"]
+        square, other = X[0] * X[1], Y[1] * Y[0]
         return Terms(
-            X=multiply(at[left], at["W_l"]) if left else at["W_l"],
             E=subtract(at["G_p"], at["G"]),
-            Y=multiply(at["W_r"], at[right]) if right else at["W_r"],
-            more_X=rest.get("X"),
-            more_Y=rest.get("Y"),
+            left=square,
+            right=other + rest["Y"][1] * rest["Y"][0] if right else other,
+            more=rest["X"][0] * rest["X"][1] if left else square.times(fmpq(0)),
         )
 
     systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
@@ -165,7 +191,9 @@ def coprime_deviation(
         P, P_p, w = pairs
         row = join_blocks([[one, P[0]]]), join_blocks([[one], [P[1]]])
         column = join_blocks([[one], [P_p[0]]]), join_blocks([[one, P_p[1]]])
-        return Terms(X=multiply(w, row), E=subtract(P_p, P), Y=column)
+        X = multiply(w, row)
+        left = X[0] * X[1]
+        return Terms(E=subtract(P_p, P), left=left, right=column[1] * column[0], more=left.times(fmpq(0)))
 
     parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
     return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=known_bands(shaped))

@@ -5,7 +5,7 @@ bands          inequalities between transfer matrices in a band of frequencies
 channel_files  what is claimed of several channels, in files
 claim          what is claimed of a loop, with every number as given
 claim_files    claims as plain numbers and words, in files with a digest
-closed_loops   the norm of a plant closed through a controller, in many digits and in ball arithmetic
+closed_loops   the norm of a plant closed through a controller, over the rationals
 conditions     what a claim asks at a frequency, in sums and products
 folded_sets    claims that a sampled set of several channels contains a continuous one
 interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each

@@ -29,12 +29,12 @@ from robust.proofs.exact.polynomials import (
     moebius_transform,
     proved,
     refuted,
+    routh,
     to_rational,
     to_rational_matrix,
     undecided,
 )
 
-ROOT_BITS = (64, 256, 1024, 4096)
 END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
 SINGULAR = "the inequality is an equality at every frequency"
 TIME_UP = "undecided, as time was up"
@@ -68,22 +68,43 @@ class TransferMatrix:
         >>> str(lag.at(fmpq(2))[0].re), str(lag.on_axis(fmpq(1))[0].im)       # 1/(2 + 1), and -1/2 of 1/(1 + j)
         ('[1/3]', '[-1/2]')
         """
-        n = system.order
-        A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
-        den = A.charpoly() if n else fmpq_poly([1])
+        matrices = [to_rational_matrix(getattr(system, name)) for name in "ABCD"]
+        return cls.of_rationals(*matrices, discrete=bool(system.dt), own_poles=own_poles)
+
+    @classmethod
+    def of_rationals(
+        cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, *, discrete: bool, own_poles: bool = True
+    ) -> TransferMatrix:
+        """Return `of` of a system whose matrices are rationals."""
+        n, rows, columns = A.nrows(), D.nrows(), D.ncols()
+        den = A.charpoly()
 
         def numerator(i: int, j: int) -> fmpq_poly:
             b, c = fmpq_mat(n, 1, [B[k, j] for k in range(n)]), fmpq_mat(1, n, [C[i, k] for k in range(n)])
-            through = den - (A + b * c).charpoly() if system.B[:, j].any() and system.C[i].any() else fmpq_poly([0])
-            return through + den * D[i, j]
+            return den * (D[i, j] + 1) - (A + b * c).charpoly()
 
         def parts(p: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
-            p = moebius_transform(p, n) if system.dt else p
+            p = moebius_transform(p, n) if discrete else p
             return fmpq_poly(p.coeffs()[::2]), fmpq_poly(p.coeffs()[1::2])
 
-        rows, columns = system.D.shape
         num = tuple(tuple(parts(numerator(i, j)) for j in range(columns)) for i in range(rows))
         return cls(num=num, den=parts(den), order=n, own_poles=own_poles)
+
+    @property
+    def characteristic(self) -> fmpq_poly:
+        """Return d(s), of a discrete system that of its bilinear image."""
+        even, odd = (p(fmpq_poly([0, 0, 1])) for p in self.den)
+        return even + fmpq_poly([0, 1]) * odd
+
+    @cached_property
+    def stability(self) -> Decision:
+        """Decide whether every pole is stable."""
+        return routh(self.characteristic, self.order)
+
+    @property
+    def is_zero(self) -> bool:
+        """Return whether nothing passes from any input to any output."""
+        return not any(p for row in self.num for parts in row for p in parts)
 
     def denominator(self, s: fmpq) -> fmpq:
         """Return d(s) d(-s)."""
@@ -109,8 +130,12 @@ class TransferMatrix:
         minus = fmpq_mat([[(e - o) / (even - s * odd) for e, o in row] for row in values])
         return ExactMatrix.real(plus), ExactMatrix.real(minus.transpose())
 
-    def on_axis(self, x: fmpq) -> Pair:
-        """Return X(jx) and its conjugate transpose; a ZeroDivisionError at a pole."""
+    def on_axis(self, x: fmpq | None) -> Pair:
+        """Return X(jx), at infinity where x is None, and its conjugate transpose; a ZeroDivisionError at a pole."""
+        if x is None:
+            k, part = divmod(self.order, 2)
+            direct = fmpq_mat([[parts[part][k] / self.den[part][k] for parts in row] for row in self.num])
+            return ExactMatrix.real(direct), ExactMatrix.real(direct.transpose())
         y = -x * x
         even, odd = self.den[0](y), x * self.den[1](y)
         size = even * even + odd * odd
@@ -156,6 +181,13 @@ def cut_at_crossings(
     """Return the pieces of the axis from low to high between the roots of det M; else why there are none.
 
     A root is where an eigenvalue of M changes its sign, or touches zero, or a pole on the axis.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # |1/(1 + jx)|
+    >>> def holds(level, low): return [p.M.is_positive for p in cut_at_crossings([lag], gain_below(level), low=low)]
+    >>> holds(0.71, 0.0), holds(0.70, 1.0), holds(0.71, 1.0), holds(1.0, 0.0)
+    ([False, True], [False, True], [True], [True])
     """
     p = determinant(parts, inequality, deadline)
     if p is None:
@@ -165,33 +197,6 @@ def cut_at_crossings(
     ends = pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
     pieces = [look_inside(*each, parts, inequality) for each in ends]
     return [*pieces[:-1], replace(pieces[-1], high=high)]
-
-
-def decide_on_axis(
-    parts: Sequence[TransferMatrix],
-    inequality: Inequality,
-    *,
-    low: float = 0.0,
-    high: float = np.inf,
-    deadline: float = np.inf,
-) -> Decision:
-    """Decide whether M is positive semidefinite at every x from low to high that is no pole.
-
-    >>> import numpy as np
-    >>> one = np.ones((1, 1))
-    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # |1/(1 + jx)|
-    >>> [decide_on_axis([lag], gain_below(x), low=1.0).holds for x in (0.70, 0.71)]
-    [False, True]
-    >>> decide_on_axis([lag], gain_below(0.71)).violated, decide_on_axis([lag], gain_below(1.0)).holds
-    (True, True)
-    """
-    pieces = cut_at_crossings(parts, inequality, low=low, high=high, deadline=deadline)
-    if isinstance(pieces, str):
-        return undecided(pieces)
-    for piece in pieces:
-        if not piece.M.is_positive:
-            return refuted("not positive there", to_float(piece.x))
-    return proved()
 
 
 def gain_below(level: float) -> Inequality:
@@ -204,6 +209,28 @@ def gain_below(level: float) -> Inequality:
     return inequality
 
 
+def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) -> Decision:
+    """Decide whether a system is stable and its largest singular value below a level everywhere, at infinity too.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = TransferMatrix.of(Matrices(A=-one, B=one, C=one, D=0 * one))                   # 1/(s + 1): norm one
+    >>> [decide_norm(lag, x).holds for x in (1.0, np.nextafter(1, 2))]
+    [False, True]
+    """
+    if not H.stability.holds:
+        return H.stability
+    inequality = gain_below(level)
+    p = determinant([H], inequality, deadline)
+    if p is None:
+        return undecided(TIME_UP)
+    roots = complex_roots(p(fmpq_poly([0, -1]))) if p.degree() > 0 else []
+    is_reached = p.degree() < H.order or any(y.imag == 0 and not y.real < 0 for y, _ in roots)
+    if is_reached or not inequality([H.on_axis(fmpq(1))]).is_positive:
+        return refuted("the largest singular value reaches the level")
+    return proved()
+
+
 def multiply(left: Pair, right: Pair) -> Pair:
     """Return the product of two systems at a point, and its adjoint."""
     return left[0] * right[0], right[1] * left[1]
@@ -212,37 +239,6 @@ def multiply(left: Pair, right: Pair) -> Pair:
 def subtract(left: Pair, right: Pair) -> Pair:
     """Return the difference of two systems at a point, and its adjoint."""
     return left[0] - right[0], left[1] - right[1]
-
-
-@value(copy=False)
-class Terms:
-    """What E = X Delta Y is asked of: X, E and Y, and what rounding may add to X and to Y (None: nothing)."""
-
-    X: Pair
-    E: Pair
-    Y: Pair
-    more_X: Pair | None = None
-    more_Y: Pair | None = None
-
-    @property
-    def sizes(self) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix | None]:
-        """Return X X~, Y~ Y with what rounding adds, and what it adds to the first."""
-        right = self.Y[1] * self.Y[0]
-        right = right if self.more_Y is None else right + self.more_Y[1] * self.more_Y[0]
-        return self.X[0] * self.X[1], right, None if self.more_X is None else self.more_X[0] * self.more_X[1]
-
-    def below(self, level: float) -> ExactMatrix:
-        """Return the matrix that is positive where a Delta of gain below the level does."""
-        left, right, more = self.sizes
-        left = left.times(to_rational(level) ** 2)
-        return join_blocks([[left if more is None else left + more, self.E[0]], [self.E[1], right]])
-
-    def least_level(self) -> float:
-        """Return the gain of the smallest Delta."""
-        left, right, more = self.sizes
-        needed = self.E[0] * right.inverse * self.E[1]
-        found = left.inverse * (needed if more is None else needed - more)
-        return float(np.sqrt(max(0.0, np.linalg.eigvals(to_numbers(found)).real.max())))
 
 
 def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
@@ -281,33 +277,21 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
 
     high : None for infinity, in place of which a number beyond the last root stands.
     """
-    q = p(fmpq_poly([0, -1]))
-    for bits in ROOT_BITS:
-        with ctx.workprec(bits):
-            inside = roots_inside(q, low * low, None if high is None else high * high)
-        if inside is None:
-            continue
-        last = 4 * max([low * low, fmpq(1), *(above for _, above in inside)]) if high is None else high * high
-        ends = [(low * low, low * low), *inside, (last, last)]
-        if all(before[1] < after[0] for before, after in pairwise(ends)):
-            return [(before[1], after[0]) for before, after in pairwise(ends)]
-    raise ArithmeticError("roots of a determinant of doubles lie too near to each other")
+    first, last = low * low, None if high is None else high * high
+    q = p(fmpq_poly([0, -1])) * fmpq_poly([-first, 1])
+    q = q if last is None else q * fmpq_poly([-last, 1])
+    balls = sorted(ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0)  # of distinct roots apart
+    inside = [(below, above) for below, above in balls if above >= first and (last is None or below <= last)]
+    if last is None:
+        beyond = 4 * max(fmpq(1), inside[-1][1])
+        inside.append((beyond, beyond))
+    return [(before[1], after[0]) for before, after in pairwise(inside)]
 
 
-def roots_inside(q: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]] | None:
-    """Return the ends of the balls of all real roots between low and high; None for want of digits."""
-    found = []
-    for root, _ in complex_roots(q) if q.degree() > 0 else []:
-        if root.imag != 0:
-            continue
-        y = root.real
-        for end in (low, high):
-            if end is not None and y.contains(end) and q(end) != 0:
-                return None
-        if y > low and (high is None or y < high):
-            middle, radius = exact_number(y.mid()), exact_number(y.rad())
-            found.append((middle - radius, middle + radius))
-    return sorted(found, key=lambda ends: ends[0])
+def ends_of_ball(y: arb) -> tuple[fmpq, fmpq]:
+    """Return both ends of a ball."""
+    middle, radius = exact_number(y.mid()), exact_number(y.rad())
+    return middle - radius, middle + radius
 
 
 def exact_number(x: arb) -> fmpq:
@@ -335,9 +319,9 @@ def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequali
     raise AssertionError
 
 
-def to_float(x: fmpq) -> float:
-    """Return the nearest double of a rational number."""
-    return int(x.p) / int(x.q)
+def to_float(x: fmpq | None) -> float:
+    """Return the nearest double of a rational number; infinity of None."""
+    return np.inf if x is None else int(x.p) / int(x.q)
 
 
 def to_numbers(M: ExactMatrix) -> np.ndarray:

@@ -9,19 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from flint import arb, arb_mat, arb_poly, ctx, fmpq_mat
+from flint import arb, arb_mat, ctx, fmpq_mat
 
-from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.polynomials import (
     Coefficient,
-    Decision,
-    positive_on_half_line,
-    proved,
-    refuted,
-    routh,
-    to_rational,
-    to_rational_matrix,
-    undecided,
 )
 
 BITS = (128, 512)
@@ -65,63 +56,6 @@ def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
             [x - f * y for x, y in zip(row[1:], rest, strict=True)] for f, row in zip(factors, left[1:], strict=True)
         ]
     return pivots
-
-
-# ---- A norm bound of a system with any number of inputs and outputs, decided in exact arithmetic.
-#
-# A stable system has norm below a level at every frequency iff level^2 - D'D > 0 and the Hamiltonian matrix has no
-# eigenvalue on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989). Its characteristic polynomial has rational
-# coefficients and only even powers.
-
-MAX_STATES = 40
-NORM_BITS = (256, 1024, 4096)
-NOT_EXAMINED = undecided("not looked at")
-
-
-def decide_norm(system: Matrices, level: float) -> dict[str, Decision]:
-    """Stability and a norm bound, each decided; for an unstable system the bound is not looked at.
-
-    >>> import numpy as np
-    >>> one = np.ones((1, 1))
-    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): the norm is one
-    >>> [decide_norm(lag, x)["norm"].holds for x in (1.0, np.nextafter(1, 2))]
-    [False, True]
-    """
-    n = system.order
-    A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
-    if system.dt and n:
-        shifted = A + identity(n)
-        if shifted.det() == 0:
-            return {"stability": refuted("a pole at -1")}
-        back = shifted.inv()
-        A, B, C, D = back * (A - identity(n)), back * B * to_rational(2.0), C * back, D - C * back * B
-    stable = routh(A.charpoly(), n) if n else proved()
-    return {
-        "stability": stable,
-        "norm": gain_below_level(A, B, C=C, D=D, level=level) if stable.holds else NOT_EXAMINED,
-    }
-
-
-def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, level: float) -> Decision:
-    """Return whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
-    n, m = A.nrows(), D.ncols()
-    R = identity(m) * (to_rational(level) ** 2) - D.transpose() * D
-    if not positive_definite(R):
-        return refuted("not below the level at infinite frequency")
-    if n == 0:
-        return proved()
-    inverse = R.inv()
-    F = A + B * inverse * D.transpose() * C
-    upper, lower = B * inverse * B.transpose(), C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
-    p = stack([[F, upper], [-lower, -F.transpose()]]).charpoly().coeffs()[::2]  # in s^2 = -y
-    on_axis = [c if (k + n) % 2 == 0 else -c for k, c in enumerate(p)]
-    found = undecided("not looked at")
-    for bits in NORM_BITS:
-        with ctx.workprec(bits):
-            found = positive_on_half_line(arb_poly(on_axis))
-        if not found.needs_digits:
-            break
-    return found
 
 
 def identity(n: int) -> fmpq_mat:

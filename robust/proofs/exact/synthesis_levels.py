@@ -9,21 +9,16 @@ every one below (Doyle, Glover, Khargonekar & Francis 1989). A number of many di
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
-from flint import arb, arb_mat, ctx
+from flint import acb, acb_mat, arb, arb_mat, ctx
+from scipy.linalg import matrix_balance
 
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.closed_loops import (
-    Balls,
-    balance_states,
-    continuous_image,
-    eigenvalues,
-    frobenius_norm,
-    identity_balls,
-    symmetric_part,
-    to_balls,
-)
-from robust.proofs.exact.matrices import ldl_pivots, stack
+from robust.proofs.exact.matrices import identity, ldl_pivots, stack
+
+Balls: TypeAlias = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
 BITS = 192
 MOST_STATES = 40  # of the plant: a second a level
@@ -62,14 +57,17 @@ def level_fails(
         )
         try:
             parts = balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
-            parts = continuous_image(parts) if plant.dt else parts
+            parts = half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
             return existence_fails(half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
         except ZeroDivisionError:
             return None
 
 
 def half_plane_image(plant: Balls, a: float, b: float) -> Balls:
-    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`."""
+    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`.
+
+    Of a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
+    """
     A, B, C, D = plant
     one, near, far = identity_balls(A.nrows()), arb(a), arb(b)
     inverse = (one - A * (1 / far)).inv()
@@ -146,3 +144,53 @@ def sign_of(H: arb_mat) -> arb_mat | None:
         if moved <= near * frobenius_norm(S):
             return S
     return None
+
+
+# ---- Systems in balls.
+
+
+def balance_states(loop: Balls) -> Balls:
+    """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
+    A, B, C, D = loop
+    n, (a, b, c) = A.nrows(), (np.abs(to_doubles(M)) for M in (A, B, C))
+    bordered = np.block([[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]])
+    sizes = matrix_balance(bordered, permute=False, separate=True)[1][0]
+    units = [arb(float(size / sizes[n])) for size in sizes[:n]]
+    forth, back = diagonal_balls([1 / u for u in units]), diagonal_balls(units)
+    return forth * A * back, forth * B, C * back, D
+
+
+def eigenvalues(matrix: arb_mat) -> list[acb]:
+    """All eigenvalues, as near as the digits at hand bring them; nothing rests on them."""
+    return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
+
+
+def to_balls(matrix: np.ndarray) -> arb_mat:
+    """Return a matrix of doubles as balls, exactly."""
+    return arb_mat(len(matrix), matrix.shape[1], [arb(float(x)) for x in np.ravel(matrix)])
+
+
+def to_doubles(matrix: arb_mat) -> np.ndarray:
+    """Return the nearest doubles."""
+    return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
+
+
+def symmetric_part(matrix: arb_mat) -> arb_mat:
+    """Return the symmetric part of a matrix that is symmetric but for its errors."""
+    return (matrix + matrix.transpose()) * arb(0.5)
+
+
+def frobenius_norm(matrix: arb_mat) -> arb:
+    """Frobenius norm, as far as its midpoint."""
+    return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
+
+
+def identity_balls(n: int) -> arb_mat:
+    """Return the identity in balls."""
+    return arb_mat(identity(n))
+
+
+def diagonal_balls(numbers: list[arb]) -> arb_mat:
+    """Return a diagonal matrix."""
+    n = len(numbers)
+    return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])

@@ -14,7 +14,7 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.lti import poles, response_by_channel, timebase, to_s_plane
+from robust.lti.lti import timebase
 from robust.proofs.exact.bands import (
     Inequality,
     Pair,
@@ -27,7 +27,7 @@ from robust.proofs.exact.bands import (
     to_numbers,
 )
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.polynomials import Coefficient, to_rational
+from robust.proofs.exact.polynomials import Coefficient, polynomial_roots, to_rational
 
 TOLERANCE = 1e-3  # relative, between both bounds
 TIME_CAP = 10.0  # processor time [s] after which a bound is left open
@@ -69,24 +69,30 @@ def bound_gain(
     >>> bool(5000 < whole.upper < 5006), round(whole.omega, 4), bool(1 / 3 <= above.upper < 0.334), above.omega
     (True, 1.0, True, 2.0)
     """
-    deadline, dt = time.thread_time() + time_cap, timebase(system)
     H = TransferMatrix.of(to_matrices(system))
+    return bound_transfer(H, timebase(system), band=band, tolerance=tolerance, time_cap=time_cap)
+
+
+def bound_transfer(
+    H: TransferMatrix,
+    dt: float,
+    *,
+    band: tuple[float, float] = (0.0, np.inf),
+    tolerance: float = TOLERANCE,
+    time_cap: float = TIME_CAP,
+) -> GainBound:
+    """Return `bound_gain` of an exact system, of a discrete one its bilinear image with its dt."""
     low, high = points_of_band(band, dt)
-    roots = to_s_plane(poles(system), dt)
-    omega = np.clip(np.concatenate([np.abs(roots), np.abs(roots.imag), [1.0]]), *band)
-    omega = np.append(np.minimum(omega, np.pi / dt if dt else np.inf), [band[0]])
-    with np.errstate(all="ignore"):
-        sizes = np.abs(response_by_channel(system, omega)).max(axis=(0, 1))
-    start = points_of_band((float(omega[np.nan_to_num(sizes, nan=0.0, posinf=0.0).argmax()]),) * 2, dt)[0]
+    s = polynomial_roots(H.characteristic)
     return climb(
         [H],
         gain_below,
         lambda pairs: float(np.linalg.norm(to_numbers(pairs[0][0]), 2)),
-        start=start,
+        starts=np.clip([*np.abs(s), *np.abs(s.imag), 1.0, low, high], low, high),
         bands=[(low, high)],
         dt=dt,
         tolerance=tolerance,
-        deadline=deadline,
+        deadline=time.thread_time() + time_cap,
     )
 
 
@@ -95,7 +101,7 @@ def climb(
     inequality: Callable[[float], Inequality],
     size: Callable[[Sequence[Pair]], float],
     *,
-    start: float,
+    starts: Sequence[float] | np.ndarray,
     bands: Sequence[tuple[float, float]] = ((0.0, np.inf),),
     dt: float = 0.0,
     tolerance: float = TOLERANCE,
@@ -103,13 +109,16 @@ def climb(
 ) -> GainBound:
     """Bound the least level whose inequality holds on bands of the axis.
 
-    size : the least level at one point, from what the parts are there; start : the point x to begin with.
+    size : the least level at one point, from what the parts are there; starts : points x to begin with.
     """
-    x = to_rational(start)
-    lower = size_at(parts, size, x)
+    above, level = [None if np.isinf(x) else to_rational(x) for x in starts], 0.0
     for _ in range(MAX_LEVELS):
-        omega, level = frequency_of_point(to_float(x), dt), max(lower * (1 + tolerance), SMALLEST)
-        above = []
+        sizes = [size_at(parts, size, x) for x in above]
+        omega = frequency_of_point(to_float(above[int(np.argmax(sizes))]), dt)
+        lower = max(level, *sizes)
+        if lower > LARGEST:
+            break
+        level, above = max(lower * (1 + tolerance), SMALLEST), []
         for low, high in bands:
             pieces = cut_at_crossings(parts, inequality(level), low=low, high=high, deadline=deadline)
             if isinstance(pieces, str):
@@ -117,15 +126,11 @@ def climb(
             above += [piece.x for piece in pieces if not piece.M.is_positive]
         if not above:
             return GainBound(upper=level, lower=lower, omega=omega)
-        sizes = [size_at(parts, size, each) for each in above]
-        x, lower = above[int(np.argmax(sizes))], max(level, *sizes)
-        if lower > LARGEST:
-            break
-    reason = f"no bound was found: it grows without end near {frequency_of_point(to_float(x), dt):.6g} rad/s"
-    return GainBound(upper=np.inf, lower=lower, omega=frequency_of_point(to_float(x), dt), reason=reason)
+    reason = f"no bound was found: it grows without end near {omega:.6g} rad/s"
+    return GainBound(upper=np.inf, lower=lower, omega=omega, reason=reason)
 
 
-def size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient) -> float:
+def size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None) -> float:
     """Return the least level at a point of the axis; zero where nothing is known of it, at a pole."""
     try:
         return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * LARGEST))

@@ -1,12 +1,13 @@
-"""Proofs that a norm bound holds at every frequency: the bounded-real lemma over the rationals, or many digits.
+"""Proofs that a norm bound holds at every frequency: the bounded-real lemma, or a determinant, over the rationals.
 
 One full block is all of the perturbation for which the structured singular value is the norm: P is that of
-`robust.proofs.search.scaled_kyp`. Where none is found, and of a level that does not hold, many digits decide.
+`robust.proofs.search.scaled_kyp`. Where none is found, and of a level that does not hold,
+`robust.proofs.exact.bands` decides.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import time
 
 import control
 import numpy as np
@@ -17,18 +18,12 @@ from robust._base.types import LinearSystem
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable, rightmost_pole
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.closed_loops import (
-    ClosedLoopClaim,
-    decide_closed_loop,
-    norm_of_closed_loop,
-    verify_closed_loop,
-)
-from robust.proofs.exact.matrices import MAX_STATES, decide_norm
-from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
+from robust.proofs.exact.closed_loops import ClosedLoopClaim, decide_closed_loop
+from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
+from robust.proofs.search.stability import TIME_CAP, certificate_of_loop, norm_of_closed_loop
 
-NORM_ROUNDING = 1e-12  # of a norm in many digits, once it is a double
 SUBJECT = "norm"
 
 
@@ -36,7 +31,7 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
     """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
 
     P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its counterpart), checked
-    over the rationals. A Riccati equation proposes P, then cvxpy. Where no P passes, arithmetic in many digits decides.
+    over the rationals. A Riccati equation proposes P, then cvxpy. Where no P passes, a determinant decides.
 
     Parameters
     ----------
@@ -82,27 +77,16 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
 
 
 def certify_exactly(system: control.StateSpace, level: float) -> Certificate:
-    """Return `certify_norm` in balls, as of a loop without a controller; at the norm itself in rationals."""
+    """Return `certify_norm` over the rationals, as of a loop without a controller."""
     matrices, nothing = to_matrices(system), to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), system.dt))
     loop = ClosedLoopClaim(plant=matrices, controller=nothing, level=level)
-    proof = replace(
-        failed_certificate(SUBJECT, level, ""),
-        outcome=Outcome.HOLDS,
-        method=EXACT,
-        intervals=np.array([[0.0, np.pi / matrices.dt if matrices.dt else np.inf]]),
-        claim=loop,
-        again=verify_closed_loop,
-    )
-    if decide_closed_loop(loop, thorough=False).holds:
-        return proof
-    norm, peak = norm_of_closed_loop(matrices, nothing)
-    if np.isinf(norm):
-        reason = f"the system is not stable: a pole at {rightmost_pole(system):.4g}"
-        return failed_certificate(SUBJECT, level, reason, outcome=Outcome.VIOLATED)
-    violated = norm > level * (1 + NORM_ROUNDING)
-    if not violated and decide_closed_loop(loop).holds:
-        return proof
-    if violated or (matrices.order <= MAX_STATES and decide_norm(matrices, level)["norm"].violated):
-        reason = f"the norm is {norm:.10g}, at {format_hertz(peak)}"
-        return failed_certificate(SUBJECT, level, reason, outcome=Outcome.VIOLATED, violated_at=peak)
-    return failed_certificate(SUBJECT, level, f"the norm could be decided in no arithmetic, {norm:.10g} was computed")
+    found = decide_closed_loop(loop, deadline=time.thread_time() + TIME_CAP)
+    if found.holds:
+        return certificate_of_loop(loop, SUBJECT)
+    if not found.violated:
+        return failed_certificate(SUBJECT, level, found.reason)
+    norm = norm_of_closed_loop(matrices, nothing)
+    reason, where = f"the norm is {norm.lower:.10g}, at {format_hertz(norm.omega)}", norm.omega
+    if np.isinf(norm.lower):
+        reason, where = f"the system is not stable: a pole at {rightmost_pole(system):.4g}", np.nan
+    return failed_certificate(SUBJECT, level, reason, outcome=Outcome.VIOLATED, violated_at=where)

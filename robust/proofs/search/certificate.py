@@ -11,6 +11,7 @@ from robust._base.states import Outcome
 from robust.proofs.exact.verification import Verification
 
 EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # nothing in floating point
+PIECES = "scalings, each where it holds"  # neither, but no claim is kept of it
 
 
 @value
@@ -18,9 +19,9 @@ class Certificate:
     """What was proved, how, and if not, why not.
 
     A loop with one input and one output is proved in exact arithmetic from the matrices as they were given, one with
-    several by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats that. Any
-    other outcome is judged in floating point, with slacks far above its rounding. A norm is the structured singular
-    value of one full block.
+    several by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats that. What is
+    proved by scalings, each where it holds, is exact too, but not kept to be repeated. Any other outcome is judged in
+    floating point, with slacks far above its rounding. A norm is the structured singular value of one full block.
 
     Fields
     ------
@@ -82,7 +83,8 @@ class Certificate:
     @property
     def judged(self) -> str:
         """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
-        return "proved, rigorous" if self.method in (EXACT, SCALED_KYP, GENERALISED_KYP) else "judged in floating point"
+        exact = self.method in (EXACT, SCALED_KYP, GENERALISED_KYP, PIECES)
+        return "proved, rigorous" if exact else "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
         """Prove it again with outward rounding, from the claim alone: nothing of what found it is used.
@@ -103,7 +105,7 @@ class Certificate:
         """
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
-        reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
+        reason = f"{self.judged}: no exact claim is kept of it" if self.holds else self.reason
         return Verification(proved=(), failed=((self.subject, reason),))
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 import control
 import numpy as np
 
@@ -9,14 +12,15 @@ from robust._base.states import Outcome, Stability
 from robust.lti.lti import timebase
 from robust.lti.norms import EPS
 from robust.lti.stability import StabilityResult, assess_stability, poles_with_rounding
-from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.closed_loops import (
     ClosedLoopClaim,
     decide_closed_loop,
-    norm_of_closed_loop,
+    transfer_of_loop,
     verify_closed_loop,
 )
 from robust.proofs.exact.stability import decide_matrix_stability
+from robust.proofs.search.bands import GainBound, bound_transfer
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
 BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
@@ -57,48 +61,50 @@ def decide_stability(system: control.StateSpace) -> StabilityResult:
 
 # ---- The norm that a controller reaches with a plant, certified from both as they are given.
 
-#: How far above the norm that was computed a level is tried, relative to it: near it rounding has the word.
-LEVEL_MARGINS = (1e-7, 1e-5, 1e-3)
+LEVEL_MARGIN = 1e-7  # how far above the norm that was computed a level is tried, relative to it
+NORM_TOLERANCE = 1e-9  # between both bounds of a norm
+TIME_CAP = 60.0  # processor time [s] after which a loop is left open
 
 
 def certify_closed_loop(
     P: control.StateSpace, K: control.StateSpace, gamma: float, *, subject: str = "norm"
 ) -> Certificate:
-    """Prove the norm of F_l(P, K) just above `gamma`, what it was found to be; else above what more digits find.
+    """Prove the norm of F_l(P, K) just above `gamma`, what it was found to be; else just above what it is.
 
-    Returns a certificate whose level is the bound that was proved. One that does not hold has the norm in many digits
-    as its level (inf: the loop is not stable), or gamma of a loop with too many states for that. A loop through which
-    nothing passes has level zero.
+    Returns a certificate whose level is the bound that was proved. One that does not hold has as its level what the
+    norm is at least (inf: the loop is not stable). A loop through which nothing passes has level zero.
     """
     plant, controller = to_matrices(P), to_matrices(K)
+    claim = ClosedLoopClaim(plant=plant, controller=controller, level=gamma * (1 + LEVEL_MARGIN))
+    if not decide_closed_loop(claim, deadline=time.thread_time() + TIME_CAP).holds:
+        norm = norm_of_closed_loop(plant, controller)
+        if not norm.is_proved:
+            return failed_certificate(subject, max(gamma, norm.lower), norm.reason)
+        claim = replace(claim, level=norm.upper * (1 + LEVEL_MARGIN))
+    return certificate_of_loop(claim, subject)
 
-    def proof(norm: float, *, thorough: bool = False) -> Certificate | None:
-        for more in LEVEL_MARGINS[thorough:]:
-            level = norm * (1 + more)
-            claim = ClosedLoopClaim(plant=plant, controller=controller, level=level)
-            if decide_closed_loop(claim, thorough=thorough).holds:
-                top = np.pi / timebase(P) if timebase(P) else np.inf
-                return Certificate(
-                    subject=subject,
-                    outcome=Outcome.HOLDS,
-                    level=level,
-                    method=EXACT,
-                    intervals=np.array([[0.0, top]]),
-                    reason="",
-                    claim=claim,
-                    again=verify_closed_loop,
-                )
-        return None
 
-    if found := proof(gamma):
-        return found
-    precise, _ = norm_of_closed_loop(plant, controller)
-    if np.isnan(precise) and (found := proof(gamma, thorough=True)):
-        return found
-    if np.isnan(precise):
-        return failed_certificate(subject, gamma, f"the norm, {gamma:.6g} in floating point, could not be proved")
-    if np.isinf(precise):
-        return failed_certificate(subject, precise, "in more digits than floating point has, the loop is not stable")
-    if found := proof(precise) or proof(precise, thorough=True):
-        return found
-    return failed_certificate(subject, precise, f"the norm, {precise:.6g} in many digits, could not be proved")
+def norm_of_closed_loop(plant: Matrices, controller: Matrices) -> GainBound:
+    """Bound the norm of F_l(P, K) from both sides; both bounds are inf where it is not stable."""
+    try:
+        loop = transfer_of_loop(plant, controller)
+    except ZeroDivisionError:
+        return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop has no solution")
+    if not loop.stability.holds:
+        return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop is not stable")
+    return bound_transfer(loop, plant.dt or controller.dt, tolerance=NORM_TOLERANCE, time_cap=TIME_CAP)
+
+
+def certificate_of_loop(claim: ClosedLoopClaim, subject: str) -> Certificate:
+    """Return the certificate of a claim that was proved."""
+    dt = claim.plant.dt or claim.controller.dt
+    return Certificate(
+        subject=subject,
+        outcome=Outcome.HOLDS,
+        level=claim.level,
+        method=EXACT,
+        intervals=np.array([[0.0, np.pi / dt if dt else np.inf]]),
+        reason="",
+        claim=claim,
+        again=verify_closed_loop,
+    )

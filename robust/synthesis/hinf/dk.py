@@ -18,7 +18,7 @@ import numpy as np
 from nlfrf._base.arguments import format_count, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem, Weight
-from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
+from robust.lti.connections import biproper_inverse, block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
@@ -320,7 +320,7 @@ def start_descent(
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
-        found = least_level(scaled_plant(P, [(d, inverse_system(d)) for d in functions], s, sizes), *sizes, near[0])
+        found = least_level(scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes), *sizes, near[0])
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
@@ -340,7 +340,7 @@ def move_scalings(
     functions = next(moves, None)
     if functions is None:
         return [], "mu did not fall any more"
-    scaling: list[Scaling] = [(d, inverse_system(d)) for d in functions]
+    scaling: list[Scaling] = [(d, biproper_inverse(d)) for d in functions]
     order = max(d.nstates for d in functions)
     return attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
 
@@ -376,12 +376,6 @@ def reduce_by_mu(
             judged = judge_by_mu(P, one, blocks=blocks, omega=omega)
             found = judged if judged.mu < found.mu else found
     return found
-
-
-def inverse_system(d: control.StateSpace) -> control.StateSpace:
-    """Return 1/d of one input and output."""
-    gain = 1 / d.D[0, 0]
-    return control.StateSpace(d.A - gain * d.B @ d.C, gain * d.B, -gain * d.C, [[gain]], d.dt)
 
 
 def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:

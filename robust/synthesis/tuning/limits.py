@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
-from robust.lti.connections import in_series
+from robust.lti.connections import biproper_inverse, in_series
 from robust.lti.lti import is_clockless, is_stable, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.synthesis.blocks import Names, signal_names
@@ -109,13 +109,7 @@ class Limit:
                 return None
             found.append(control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False))
         W, bound = found
-        if not bound.D[0, 0]:  # its inverse is improper
-            return None
-        gain = 1 / bound.D
-        inverse = control.StateSpace(
-            bound.A - bound.B @ gain @ bound.C, bound.B @ gain, -gain @ bound.C, gain, dt, remove_useless_states=False
-        )
-        return in_series(W, inverse)
+        return in_series(W, biproper_inverse(bound)) if bound.D[0, 0] else None
 
     @property
     def systems(self) -> tuple[control.StateSpace, ...]:

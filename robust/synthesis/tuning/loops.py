@@ -22,7 +22,7 @@ from robust.lti.lti import (
     zeros,
 )
 from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, largest_gain, well_conditioned
-from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, windings
+from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
 from robust.synthesis.tuning.limits import Channel
@@ -638,8 +638,8 @@ class MeasuredLoop:
         G, omega = self.plant.G[:, :, on], self.plant.omega[on]
         wanted = self.plant.n_unstable + unstable_poles(K, self.dt)
         if G.shape[:2] == (1, 1):
-            turns, clear = windings(omega, G[0, 0], K=-K, dt=self.dt, readings=readings)
-            return turns[0] == wanted, clear and len(set(turns)) == 1
+            turns, clear = winding_number(omega, G[0, 0], K=-K, dt=self.dt, readings=readings)
+            return turns == wanted, clear
         of_blocks = frequency_response_matrices((K.A, K.B, K.C, K.D), omega, self.dt)
         F = np.linalg.det(np.eye(K.noutputs) - of_blocks @ np.moveaxis(G, 2, 0))
         n = integrator_poles(K, self.dt) + (readings[0].n_integrators if readings else 0)

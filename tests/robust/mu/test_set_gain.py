@@ -43,10 +43,10 @@ def test_without_a_proof_the_number_of_frequencies_is_said():
     assert bound_set_gain(system.N, system.structure, time_cap=0.0).reason == "undecided, as time was up"
     proved = set_gain(system.N, system.structure)
     assert proved.n_lines == 0
-    assert proved.gain.max() == proved.upper == robust.check(model, K).margins.S_worst
+    assert proved.gain.max() == proved.peak.value == robust.check(model, K).margins.S_worst
     worst = robust.worst_case(model, K)
-    assert f"largest gain over the set at most {proved.upper:.4g}; the plant" in str(worst)
-    assert worst.achieved <= proved.upper
+    assert f"largest gain over the set at most {proved.peak.value:.4g}; the plant" in str(worst)
+    assert worst.achieved <= proved.peak.value
 
 
 @pytest.mark.filterwarnings("ignore:weights must be diagonal")

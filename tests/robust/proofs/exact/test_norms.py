@@ -6,8 +6,9 @@ import pytest
 from flint import fmpq, fmpq_mat
 
 from robust.lti.norms import hinf_norm
+from robust.proofs.exact.bands import TransferMatrix, decide_norm
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.matrices import decide_norm, positive_definite
+from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import to_rational_matrix
 
 
@@ -22,18 +23,19 @@ def test_norms_of_several_channels(seed, dt):
     system = control.StateSpace(A, rng.normal(size=(6, 2)), rng.normal(size=(3, 6)), rng.normal(size=(3, 2)), dt)
     norm = hinf_norm(system)[0]
     for factor, true in ((1 + 1e-8, True), (1 - 1e-8, False)):
-        found = decide_norm(to_matrices(system), norm * factor)
-        assert found["stability"].holds
-        assert found["norm"].holds == true
+        exact = TransferMatrix.of(to_matrices(system))
+        assert exact.stability.holds
+        assert decide_norm(exact, norm * factor).holds == true
 
 
 def test_gains_and_unstable_systems():
-    gain = to_matrices(control.ss([], [], [], [[3.0, 4.0]]))
-    assert not decide_norm(gain, 5.0)["norm"].holds
-    assert decide_norm(gain, np.nextafter(5, 6))["norm"].holds
+    gain = TransferMatrix.of(to_matrices(control.ss([], [], [], [[3.0, 4.0]])))
+    assert not decide_norm(gain, 5.0).holds
+    assert decide_norm(gain, np.nextafter(5, 6)).holds
     for A, dt in ((0.0, 0), (1.0, 0.1), (-1.0, 0.1)):
-        system = to_matrices(control.ss([[A]], [[1.0]], [[1e-9]], [[0.0]], dt))
-        assert not decide_norm(system, 1.0)["stability"].holds
+        system = TransferMatrix.of(to_matrices(control.ss([[A]], [[1.0]], [[1e-9]], [[0.0]], dt)))
+        assert not system.stability.holds
+        assert not decide_norm(system, 1.0).holds
 
 
 def test_matrices_beside_the_limit():
