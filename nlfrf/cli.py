@@ -48,7 +48,7 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = LOAD_OPTIONS | {
+_OPTIONS = LOAD_OPTIONS | {
     "base_velocity": "velocity",
     "n_levels": "ramp",
     "n_periods": "periods",
@@ -60,9 +60,9 @@ OPTIONS = LOAD_OPTIONS | {
     "f_max": "f-max",
     "columns": "columns",
 }
-UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until they are written
-MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
-SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
+_UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until they are written
+_MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
+_SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Identify = Callable[..., Any]  # `nlfrf.identify` with its options: of one record a Bla, of several a list of them
 
@@ -127,7 +127,7 @@ def design(
         design="zippered" if zippered else "orthogonal",
         n_draws=draws,
     )
-    warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
+    _warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save(ms, out, decimal=decimal)
@@ -261,9 +261,9 @@ def identify(
     in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
     inputs, outputs, references = (
-        split_names(input or ["u"]),
-        split_names(output or ["y"]),
-        split_names(reference or []),
+        _split_names(input or ["u"]),
+        _split_names(output or ["y"]),
+        _split_names(reference or []),
     )
     how = partial(nlfrf.identify, transient=transient, level_from=level_from, n_detection=detection)
     another = partial(nlfrf.second_opinion, transient=transient, n_detection=detection) if opinion else None
@@ -284,26 +284,26 @@ def identify(
                 f"--opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
             )
         u, y = inputs if input else None, outputs if input or output else None
-        record = with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), split_names(units or []))
-        identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
+        record = _with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), _split_names(units or []))
+        _identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
         given: dict[str, object] = {"period": period, "discard": discard, "resample": resample}
         given |= {"reference": references, "start": start, "stop": stop}
         require_left_out({**given, "opinion": opinion, "units": units})
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
-        identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
+        _identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
-    targets = output_paths(out, outputs)
-    require_writable(*targets, *map(table_path, targets * csv))
+    targets = _output_paths(out, outputs)
+    require_writable(*targets, *map(_table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     if units is not None:
-        records = with_units_of_each(records, split_names(units))
+        records = _with_units_of_each(records, _split_names(units))
     named = dict(zip(outputs, targets, strict=True))
-    identify_each(records, how, named, opinion=another, csv=csv, json=json, decimal=decimal)
+    _identify_each(records, how, named, opinion=another, csv=csv, json=json, decimal=decimal)
 
 
-def identify_experiment(
+def _identify_experiment(
     experiment: nlfrf.axis.AxisExperiment,
     files: list[Path],
     *,
@@ -318,12 +318,12 @@ def identify_experiment(
     """The BLA of each direction of a base motion, of each level of a ramp, or the one at rest."""
     records = nlfrf.axis.load_trace(files, experiment, u=names[0], y=names[1], fs=fs)
     labels = list(experiment.labels)[-len(records) :]
-    targets = output_paths(out, labels)
-    require_writable(*targets, *map(table_path, targets * csv))
-    identify_each(list(records), how, dict(zip(labels, targets, strict=True)), csv=csv, json=json, decimal=decimal)
+    targets = _output_paths(out, labels)
+    require_writable(*targets, *map(_table_path, targets * csv))
+    _identify_each(list(records), how, dict(zip(labels, targets, strict=True)), csv=csv, json=json, decimal=decimal)
 
 
-def identify_each(
+def _identify_each(
     records: list[nlfrf.Record],
     how: Identify,
     targets: dict[str, Path],
@@ -341,7 +341,7 @@ def identify_each(
         if opinion:
             printer(json)(opinion(record))
         if csv:
-            nlfrf.export_csv(bla, table_path(targets[label]), decimal=decimal)
+            nlfrf.export_csv(bla, _table_path(targets[label]), decimal=decimal)
     finish_command(blas, True, json)
 
 
@@ -404,7 +404,7 @@ def design_for_drive(
     """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
     origin: nlfrf.rig.ServoAxis | nlfrf.Record
     if first is None:
-        origin = read_axis(source)
+        origin = _read_axis(source)
     else:
         played = load_experiment(first)
         records = nlfrf.axis.load_trace(source, played, u=input, y=output)
@@ -431,7 +431,7 @@ def design_for_drive(
         n_periods=periods,
         n_discard=discard,
     )
-    warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
+    _warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
     nlfrf.save(experiment, out, decimal=decimal)
     print(experiment)
 
@@ -443,7 +443,7 @@ def play(
     out: Out,
 ) -> None:
     """Play set points on a simulated axis, and write what its drive traces (.csv)."""
-    trace = nlfrf.axis.play_experiment(read_axis(axis), file, out)
+    trace = nlfrf.axis.play_experiment(_read_axis(axis), file, out)
     if trace.diverged:
         raise ValueError(f"axis must be stable under its drive, got one that ran away after {trace.t[-1]:.3g} s")
     print(f"{trace.t.size} samples, {trace.t[-1]:.3g} s, at its current limit in {trace.limited.mean():.1%} of them")
@@ -464,7 +464,7 @@ def levels(
     finish_command(found, not found.reason, json)
 
 
-def read_axis(path: Path) -> nlfrf.rig.ServoAxis:
+def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
     if path.suffix.lower() not in ("", ".toml"):
         raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
@@ -529,7 +529,7 @@ def reproduce(
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
     from nlfrf.rig.studies.reproduce import reproduce as repeat
 
-    kept = out / UNFINISHED if resume is None else resume
+    kept = out / _UNFINISHED if resume is None else resume
     try:
         with progress_display("simulating") as advance:
             findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=kept)
@@ -557,24 +557,24 @@ def doctor() -> None:
     print("all is well")
 
 
-def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
+def _warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
     """Warn of a band of which the lines of a grid leave out much at one end."""
     first, last = ms.f[[0, -1]].tolist()
-    if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
+    if first > (1 + _MAX_BAND_GAP) * f_min or last < (1 - _MAX_BAND_GAP) * f_max:
         warnings.warn(
             f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
-            "only; " + suggest_lines(ms, kind, f_min),
+            "only; " + _suggest_lines(ms, kind, f_min),
             nlfrf.DataWarning,
             stacklevel=3,
         )
 
 
-def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
+def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     """Describe the lines of a grid at its low end, and the options that give one there."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))
         return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: ask for --period {n}"
-    if kind not in SPARSE_GRIDS:
+    if kind not in _SPARSE_GRIDS:
         return "a longer period has lines nearer to its ends"
     lines = grid_lines(kind, 1, last=int(ms.f[0] / ms.f0 + 8.5), rng=np.random.default_rng()).excited
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
@@ -587,10 +587,10 @@ def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     )
 
 
-def identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool, json: bool, decimal: str) -> None:
+def _identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool, json: bool, decimal: str) -> None:
     """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
-    targets = [out, *[table_path(out)] * (csv and not is_table)]
+    targets = [out, *[_table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
     frm = how(record)
     printer(json)(frm)
@@ -602,12 +602,12 @@ def identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool
     finish_command(frm, True, json)
 
 
-def table_path(out: Path) -> Path:
+def _table_path(out: Path) -> Path:
     """Return the path of the table of a result: mid-bla.csv for mid.npz, as mid.csv is likely to be the measurement."""
     return out.with_name(f"{out.stem}.csv" if out.stem == "bla" or out.stem.endswith("-bla") else f"{out.stem}-bla.csv")
 
 
-def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
+def _with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
     """Return a record whose channels, inputs first, have these units; a file that says another one is right."""
     names, stated = record.inputs + record.outputs, record.input_units + record.output_units
     if not units:
@@ -621,14 +621,14 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
     return replace(record, input_units=tuple(units[:n]), output_units=tuple(units[n:]))
 
 
-def with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
+def _with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
     """Return records of one input and an output each with the unit of the input, and of each output in turn."""
     if len(units) != len(records) + 1:
         raise ValueError(f"--units must be one for the input and one for each output, got {', '.join(units)}")
-    return [with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
+    return [_with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
 
 
-def output_paths(out: Path, outputs: list[str]) -> list[Path]:
+def _output_paths(out: Path, outputs: list[str]) -> list[Path]:
     """Return the path for each output, all of them different."""
     parts = [re.sub(r"[^\w.-]+", "_", name).strip("_") for name in outputs]  # of names of files
     targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
@@ -640,14 +640,14 @@ def output_paths(out: Path, outputs: list[str]) -> list[Path]:
     return targets
 
 
-def split_names(given: list[str]) -> list[str]:
+def _split_names(given: list[str]) -> list[str]:
     """Split names at commas; a name with a comma of its own stands in quotes, as in a table."""
     return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
 
 
 def main() -> None:
     """Run the command `nlfrf`."""
-    run_command("nlfrf", app, nlfrf.DataWarning, options=OPTIONS)
+    run_command("nlfrf", app, nlfrf.DataWarning, options=_OPTIONS)
 
 
 if __name__ == "__main__":

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
-REINSTALL_HINT = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
-DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for those who work on the packages
-OWN_PACKAGES = ("nlfrf", "robust")
+_REINSTALL_HINT = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
+_DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for those who work on the packages
+_OWN_PACKAGES = ("nlfrf", "robust")
 #: What we import by another name than that of its distribution.
-IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
+_IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
 
 
 def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[list[tuple[str, str, str]], list[str]]:
@@ -56,7 +56,7 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
     here = f"on {platform.platform(terse=True)}"
     rows = [("nlfrf", installed_version("nlfrf"), ""), ("Python", platform.python_version(), here)]
     faults = []
-    for extra, need in sorted(iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())):
+    for extra, need in sorted(_iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())):
         version = installed_version(need.name)
         requirement = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
         rows.append((need.name, version, requirement))
@@ -66,10 +66,10 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
             faults.append(f"{need.name} must be installed, got none of it: pip install '{need}'")
     folders = [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
     faults += find_hiding_files(folders)
-    other = None if faults and any("'robust'" in fault for fault in faults) else find_name_conflict()
+    other = None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
     faults += [other] if other else []
     if not faults:  # what follows imports the packages
-        faults = [*find_wrong_algebra(), *find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
+        faults = [*find_wrong_algebra(), *_find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
     return rows, faults
 
 
@@ -89,11 +89,14 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     """
     home = Path(__file__).resolve().parent.parent
     python = {name for name in sys.stdlib_module_names if name in sys.modules}
-    packages = {*OWN_PACKAGES, *(IMPORT_NAMES.get(name, name.replace("-", "_")) for name in required_distributions())}
+    packages = {
+        *_OWN_PACKAGES,
+        *(_IMPORT_NAMES.get(name, name.replace("-", "_")) for name in _required_distributions()),
+    }
     searched = list(dict.fromkeys(path.resolve() for path in folders))
     lines = []
     for folder in searched:
-        if folder == home or not folder.is_dir() or is_installation(folder):
+        if folder == home or not folder.is_dir() or _is_installation(folder):
             continue
         for name in sorted({entry.name.partition(".")[0] for entry in folder.iterdir()} & (python | packages)):
             spec = PathFinder.find_spec(name, list(map(str, searched)))
@@ -112,22 +115,22 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     return lines
 
 
-def required_distributions() -> Iterator[str]:
+def _required_distributions() -> Iterator[str]:
     """Yield the names of the required distributions; none where the module that reads them is hidden itself."""
     try:
-        yield from (need.name for extra, need in iterate_requirements() if not extra)
+        yield from (need.name for extra, need in _iterate_requirements() if not extra)
     except Exception:  # a foreign module of the same name may raise anything
         return
 
 
-def is_installation(folder: Path) -> bool:
+def _is_installation(folder: Path) -> bool:
     """Return whether a folder holds installed modules, or Python's own."""
     paths = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
     known = folder in paths or folder.name in ("site-packages", "dist-packages", "lib-dynload")
     return known or any(folder.glob("*.dist-info"))
 
 
-def iterate_requirements() -> Iterator[tuple[str, Requirement]]:
+def _iterate_requirements() -> Iterator[tuple[str, Requirement]]:
     """Yield (extra, requirement) of the installed package, without the tools of its developers."""
     from importlib import metadata
 
@@ -137,7 +140,7 @@ def iterate_requirements() -> Iterator[tuple[str, Requirement]]:
         own = metadata.distribution("nlfrf")
     except metadata.PackageNotFoundError:  # run from a folder of files
         return
-    extras = ["", *(set(own.metadata.get_all("Provides-Extra") or []) - DEVELOPER_EXTRAS)]
+    extras = ["", *(set(own.metadata.get_all("Provides-Extra") or []) - _DEVELOPER_EXTRAS)]
     always = set()
     for extra in extras:
         for text in own.requires or []:
@@ -192,7 +195,7 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
     return [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"] if wrong else []
 
 
-def find_cache_fault() -> list[str]:
+def _find_cache_fault() -> list[str]:
     """Return a line where numba may keep its compiled code nowhere, without which it refuses to compile."""
     try:
         import_module("nlfrf.rig.kernels.leuven")
@@ -209,7 +212,7 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
     for path in sorted(folder.iterdir()):
         if extra := extra_of_file(path):
             extras.setdefault(extra, path)
-    absent = [(extra, need.name) for extra, need in iterate_requirements() if not installed_version(need.name)]
+    absent = [(extra, need.name) for extra, need in _iterate_requirements() if not installed_version(need.name)]
     return [
         f"{path.name} needs {name}, which is not installed: pip install 'nlfrf[{extra}]'"
         for extra, path in extras.items()
@@ -218,7 +221,7 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
     ]
 
 
-def find_name_conflict() -> str | None:
+def _find_name_conflict() -> str | None:
     """Return why `import robust` does not give our package, with the cure; None where it does.
 
     Another distribution has the same import name. Installed after ours it overwrites files without a warning; removed,
@@ -226,7 +229,7 @@ def find_name_conflict() -> str | None:
 
     Examples
     --------
-    >>> find_name_conflict() is None
+    >>> _find_name_conflict() is None
     True
     """
     from importlib import metadata  # which imports much of Python's own
@@ -234,7 +237,7 @@ def find_name_conflict() -> str | None:
     home = Path(__file__).resolve().parent.parent / "robust"
     spec = find_spec("robust")
     place = None if spec is None or spec.origin is None else Path(spec.origin).resolve().parent
-    if place is not None and place == home and not is_damaged(home):
+    if place is not None and place == home and not _is_damaged(home):
         return None
     others = [name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"]
     other = others[0] if others else "robust"
@@ -246,10 +249,10 @@ def find_name_conflict() -> str | None:
         )
     else:
         what = "`import robust` must give our package, got it with files gone or changed by another of the same name"
-    return f"{what}: {REINSTALL_HINT.format(other=other)}"
+    return f"{what}: {_REINSTALL_HINT.format(other=other)}"
 
 
-def is_damaged(home: Path) -> bool:
+def _is_damaged(home: Path) -> bool:
     """Return whether files of our `robust` are gone, or its first one is not what was installed."""
     from importlib import metadata  # which imports much of Python's own
 
@@ -269,35 +272,35 @@ def is_damaged(home: Path) -> bool:
     return base64.urlsafe_b64encode(digest).rstrip(b"=").decode() != first.hash.value
 
 
-def nlfrf_command() -> None:
+def _nlfrf_command() -> None:
     """Run the command `nlfrf`, or print one line that names the file that hides a module it needs."""
-    run_or_explain("nlfrf")
+    _run_or_explain("nlfrf")
 
 
-def robust_command() -> None:
+def _robust_command() -> None:
     """Run the command `robust`, or print one line that names the distribution or file in its way."""
-    exit_with_line("robust", hiding_files_on_path("robust"))
-    run_or_explain("robust", find_name_conflict)
+    _exit_with_line("robust", _hiding_files_on_path("robust"))
+    _run_or_explain("robust", _find_name_conflict)
 
 
-def run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: None) -> None:
+def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: None) -> None:
     """Run a command where `find_fault` finds none; where it breaks and a file hides a module from it, name the file."""
     try:
         found = find_fault()
-        exit_with_line(name, [found] if found else [])
+        _exit_with_line(name, [found] if found else [])
         import_module(f"{name}.cli").main()
     except Exception:  # a foreign module of the same name may raise anything
-        exit_with_line(name, hiding_files_on_path())
+        _exit_with_line(name, _hiding_files_on_path())
         raise
 
 
-def hiding_files_on_path(*names: str) -> list[str]:
+def _hiding_files_on_path(*names: str) -> list[str]:
     """Return the lines of `find_hiding_files` for the folders on Python's path, about some modules or all."""
     lines = find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
     return [line for line in lines if not names or any(repr(name) in line for name in names)]
 
 
-def exit_with_line(name: str, lines: list[str]) -> None:
+def _exit_with_line(name: str, lines: list[str]) -> None:
     """End a command with the first line on standard error, where there is one."""
     if lines:
         sys.stderr.write(f"{name}: {lines[0]}\n")

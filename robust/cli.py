@@ -64,7 +64,7 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = LOAD_OPTIONS | {
+_OPTIONS = LOAD_OPTIONS | {
     "n_poles": "poles",
     "n_zeros": "zeros",
     "dt": "sample-time",
@@ -79,7 +79,7 @@ OPTIONS = LOAD_OPTIONS | {
     "Fs": "force",
 }
 app.add_typer(servo_app, name="servo")
-PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
+_PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
 Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
@@ -241,7 +241,7 @@ def design(
     json_path(out)
     method = method.lower()
     require_choice("--method", method, ("ncfsyn", "mixsyn", "pid"))
-    require_demand(bandwidth, error)
+    _require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
     for option, given in (
         ("positive", positive_gains),
@@ -272,7 +272,7 @@ def design(
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
     else:
         with spinner("designing"):
-            plant, result = synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
+            plant, result = _synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
         words = (
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
         )
@@ -287,7 +287,7 @@ def design(
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        say(f"{advice}\n{describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
+        say(f"{advice}\n{_describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -329,11 +329,11 @@ def check(
     A warning of thin margins, |S| above --peak over the set, leaves it as it is.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
-    require_demand(bandwidth, error)
+    _require_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
         raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
     several = len(controller) > 1
-    files = {path: [controller_file(path, one, several) for one in (out, picture)] for path in controller}
+    files = {path: [_controller_file(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
     require_writable(*(certificates.certificate_path(report) for report, _ in files.values() if report is not None))
     plant, say, reports = models.load_model(model), printer(json), {}
@@ -546,7 +546,7 @@ def report(
     Exit code 0 where the loop is proved stable for the whole set, the demand met where there is one, and the friction
     proved where it was asked for; 1 where not, with the page written all the same.
     """
-    require_demand(bandwidth, error)
+    _require_demand(bandwidth, error)
     plant = models.load_model(model)
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     load = partial(
@@ -602,7 +602,7 @@ def shape(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
-    require_demand(bandwidth, error)
+    _require_demand(bandwidth, error)
     models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
         [(K, late)] = from_options.load_loops([controller], delay, models[0].origin.unit)
@@ -612,7 +612,7 @@ def shape(
     )
 
 
-def synthesise(
+def _synthesise(
     model: Path,
     method: str,
     bandwidth: float | None,
@@ -638,19 +638,19 @@ def synthesise(
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
             raise ValueError(f"--sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
-        G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=PADE_ORDER)
+        G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=_PADE_ORDER)
         found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
     if not found.met:
         raise ValueError(f"model must let a controller be found: {found.reason}")
     return plant, found
 
 
-def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:
+def _controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:
     """Return the file for one of several controllers."""
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
+def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
     """Describe where the limits of a design from the FRF were tried, and the command that proves more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
@@ -676,7 +676,7 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
     return f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file} {controller}"
 
 
-def require_demand(bandwidth: float | None, error: float) -> None:
+def _require_demand(bandwidth: float | None, error: float) -> None:
     """Refuse a demand on S by the names and in the units of its options."""
     require_positive("--error", error)
     if bandwidth is not None:
@@ -685,7 +685,7 @@ def require_demand(bandwidth: float | None, error: float) -> None:
 
 def main() -> None:
     """The command `robust`."""
-    run_command("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=OPTIONS)
+    run_command("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=_OPTIONS)
 
 
 if __name__ == "__main__":

@@ -24,13 +24,27 @@ if TYPE_CHECKING:
 
 # ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
 
-NUMBER_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+_NUMBER_WORDS = (
+    "no",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+)
 #: What commands a terminal or turns the direction of the text behind it: control characters but the line break and the
 #: tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
-CONTROL_CHARACTERS = re.compile(
+_CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )
-LINE_BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
+_LINE_BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
 
 
 def printable(text: str) -> str:
@@ -44,7 +58,7 @@ def printable(text: str) -> str:
         raw = found[0].encode("utf-16-be", "surrogatepass").hex()
         return "".join(f"\\u{raw[i : i + 4]}" for i in range(0, len(raw), 4))
 
-    return CONTROL_CHARACTERS.sub(written_out, text)
+    return _CONTROL_CHARACTERS.sub(written_out, text)
 
 
 def one_line(text: str) -> str:
@@ -53,7 +67,7 @@ def one_line(text: str) -> str:
     >>> one_line("Force\r\n[N]"), one_line("u\x9b2J")
     ('Force [N]', 'u\\u009b2J')
     """
-    return printable(LINE_BREAKS.sub(" ", text))
+    return printable(_LINE_BREAKS.sub(" ", text))
 
 
 def short_form(thing: object) -> str:
@@ -80,7 +94,7 @@ def format_small_count(n: int, what: str) -> str:
     >>> format_small_count(1, "sample"), format_small_count(2, "sample"), format_small_count(40, "sample")
     ('one sample', 'two samples', '40 samples')
     """
-    return f"{NUMBER_WORDS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBER_WORDS) else format_count(n, what)
+    return f"{_NUMBER_WORDS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(_NUMBER_WORDS) else format_count(n, what)
 
 
 def join_names(names: Sequence[str]) -> str:
@@ -148,7 +162,7 @@ WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=(
 Given = ParamSpec("Given")
 
 
-class Warned(Protocol):
+class _Warned(Protocol):
     """A value that keeps what was warned of while it was made."""
 
     @property
@@ -156,8 +170,8 @@ class Warned(Protocol):
         """Text of each warning."""
 
 
-Made = TypeVar("Made", bound="Warned | Sequence[Warned]")
-Kept = TypeVar("Kept", bound=Warned)
+Made = TypeVar("Made", bound="_Warned | Sequence[_Warned]")
+Kept = TypeVar("Kept", bound=_Warned)
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
@@ -171,7 +185,7 @@ def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
 
 
 @contextmanager
-def collect_warnings() -> Iterator[dict[str, None]]:
+def _collect_warnings() -> Iterator[dict[str, None]]:
     """Collect the texts of the warnings of what runs inside, in order."""
     texts: dict[str, None] = {}
     token = WARNED.set((*WARNED.get(), texts))
@@ -191,12 +205,12 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
     @wraps(make)
     def keeping(*args: Given.args, **kwargs: Given.kwargs) -> Made:
         given = [one for arg in (*args, *kwargs.values()) for one in (arg if isinstance(arg, list | tuple) else [arg])]
-        with collect_warnings() as texts:
+        with _collect_warnings() as texts:
             texts.update(dict.fromkeys(text for one in given for text in getattr(one, "warnings", ())))
             made = make(*args, **kwargs)
         if isinstance(made, list | tuple):
             return cast("Made", type(made)(add_warnings(one, texts) for one in made))
-        return cast("Made", add_warnings(cast("Warned", made), texts))
+        return cast("Made", add_warnings(cast("_Warned", made), texts))
 
     return keeping
 
@@ -312,7 +326,7 @@ def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
 def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
     """Return the array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
     if isinstance(array, np.ma.MaskedArray):
-        require_unmasked(name, array)
+        _require_unmasked(name, array)
     array = np.asarray(array)
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
@@ -327,7 +341,7 @@ def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
     return array
 
 
-def require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
+def _require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
     """Refuse masked samples, which would otherwise count with whatever lies under the mask."""
     mask = np.ma.getmaskarray(array)
     if mask.any():

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 #: Axes as `plt.subplots` gives them: one, or several.
 AxesLike: TypeAlias = "Axes | list[Axes] | tuple[Axes, ...] | np.ndarray"
-LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
-MARKER_SIZE = 6
-DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
-HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
-MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
+_LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
+_MARKER_SIZE = 6
+_DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
+_HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
+_MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
-def single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
+def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
     """Return one Axes of what `plt.subplots` may give, or refuse an array of several: the picture draws on one."""
     if not isinstance(ax, (np.ndarray, list, tuple)):
         return ax
@@ -38,7 +38,7 @@ def single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
 
 def axes_or_new(ax: AxesLike | None) -> Axes:
     """Return the axes given, or those of a new figure."""
-    given = single_axes(ax)
+    given = _single_axes(ax)
     if given is not None:
         return given
     from matplotlib import pyplot as plt
@@ -51,7 +51,7 @@ def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
     if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
         top, bottom = np.asarray(ax, dtype=object).ravel()
         return top, bottom
-    whole = single_axes(ax, 2)
+    whole = _single_axes(ax, 2)
     if whole is None:
         from matplotlib import pyplot as plt
 
@@ -78,7 +78,7 @@ def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
     Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
     """
     n, m = len(rows), len(columns)
-    whole = single_axes(ax)
+    whole = _single_axes(ax)
     if whole is None:
         from matplotlib import pyplot as plt
 
@@ -107,13 +107,13 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
     """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
     entries: dict[str, Artist] = {}
     for one in made.flat:
-        draw_grid(one)
+        _draw_grid(one)
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     for one in made[-1]:
         one.set_xlabel(across)
     if entries:
-        legend_below(
+        _legend_below(
             foot, list(entries.values()), labels=list(entries), down=-34 if foot.get_subplotspec() is None else 0
         )
     return made
@@ -121,21 +121,21 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
 
 def finish_axes(ax: Axes) -> Axes:
     """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
-    draw_grid(ax)
+    _draw_grid(ax)
     handles, labels = ax.get_legend_handles_labels()
     if handles:
-        legend_below(ax, handles, labels=labels)
+        _legend_below(ax, handles, labels=labels)
     return ax
 
 
-def draw_grid(ax: Axes) -> None:
+def _draw_grid(ax: Axes) -> None:
     """A grid, and plain numbers on a logarithmic axis."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_xscale() == "log":
-        plain_numbers(ax)
+        _plain_numbers(ax)
 
 
-def legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34) -> None:
+def _legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34) -> None:
     """A legend under the axes, so many points down."""
     from matplotlib.transforms import offset_copy
 
@@ -146,14 +146,14 @@ def legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down
         loc="upper center",
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=offset_copy(ax.transAxes, ax.figure.figure, y=down, units="points"),
-        ncols=legend_columns(ax, labels),
+        ncols=_legend_columns(ax, labels),
         frameon=False,
         borderaxespad=0.2,
         columnspacing=1.4,
     )
 
 
-def plain_numbers(ax: Axes) -> None:
+def _plain_numbers(ax: Axes) -> None:
     """A logarithmic axis that says 20, not two times ten to the one."""
     from matplotlib.ticker import FuncFormatter
 
@@ -171,13 +171,13 @@ def join_labels(bottom: Axes, top: Axes) -> None:
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
         if label not in existing:
             if hasattr(handle, "get_marker"):
-                bottom.plot([], [], label=label, **line_style(handle))
+                bottom.plot([], [], label=label, **_line_style(handle))
             else:
-                bottom.fill_between([], [], [], label=label, **line_style(handle))
+                bottom.fill_between([], [], [], label=label, **_line_style(handle))
         handle.set_label(f"_{label}")
 
 
-def line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
+def _line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
     """Return how a curve or a band is drawn, for a sample of it in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
@@ -187,12 +187,12 @@ def line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many type
     return drawn | {"hatch": hatch, "linewidth": 0}
 
 
-def legend_columns(ax: Axes, labels: list[str]) -> int:
+def _legend_columns(ax: Axes, labels: list[str]) -> int:
     """Return how many columns of a legend fit under the axes."""
-    available = ax.get_position().width * ax.figure.figure.get_figwidth() * LETTER_SIZE
+    available = ax.get_position().width * ax.figure.figure.get_figwidth() * _LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
-        available *= MAX_GROWTH
-    widest = max(map(len, labels)) + MARKER_SIZE
+        available *= _MAX_GROWTH
+    widest = max(map(len, labels)) + _MARKER_SIZE
     return int(np.clip(available // widest, 1, len(labels)))
 
 
@@ -246,7 +246,7 @@ def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Where a band of gains ends below, for a logarithmic axis: zero has no place there, so DEEP under the curve."""
-    return np.maximum(low, 10 ** (-DEPTH_DB / 20) * size)
+    return np.maximum(low, 10 ** (-_DEPTH_DB / 20) * size)
 
 
 def gain_band(
@@ -281,8 +281,8 @@ def follow_lines(ax: Axes) -> None:
     drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
     values = np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
     if values.size:
-        free = max(HEADROOM, 0.08 * float(np.ptp(values)))
-        ax.set_ylim(float(values.min()) - free, float(values.max()) + HEADROOM)
+        free = max(_HEADROOM, 0.08 * float(np.ptp(values)))
+        ax.set_ylim(float(values.min()) - free, float(values.max()) + _HEADROOM)
 
 
 def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:

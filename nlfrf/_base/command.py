@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
-OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
+_OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 
 
 Command = TypeVar("Command", bound=Callable[..., object])
@@ -40,13 +40,13 @@ class Commands(typer.Typer):
         def add(function: Command) -> Command:
             # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
-            super(Commands, self).command(name, **{"short_help": sentence, **options})(guard_outputs(function))
+            super(Commands, self).command(name, **{"short_help": sentence, **options})(_guard_outputs(function))
             return function
 
         return add
 
 
-def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
+def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
     """Return the command with its outputs refused where they would overwrite inputs, and named when it ends."""
     signature = inspect.signature(function)
     if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
@@ -54,10 +54,10 @@ def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
     @functools.wraps(function)
     def run_with_outputs(*, overwrite: bool, **given: object) -> None:
-        read = [path for name, value in given.items() if name not in OUTPUT_PARAMETERS for path in find_paths(value)]
+        read = [path for name, value in given.items() if name not in OUTPUT_PARAMETERS for path in _find_paths(value)]
         with guarded_outputs(read, overwrite=overwrite) as running:
             require_writable(
-                *(path for name in OUTPUT_PARAMETERS for path in find_paths(given.get(name)) if not path.is_dir())
+                *(path for name in OUTPUT_PARAMETERS for path in _find_paths(given.get(name)) if not path.is_dir())
             )
             try:
                 function(**given)
@@ -68,7 +68,7 @@ def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
     # where --force is the largest friction force, it has the one name only
     names = ("--overwrite",) if "force" in signature.parameters else ("--overwrite", "--force")
     hints = get_type_hints(function, include_extras=True)
-    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=OVERWRITE_HELP)]
+    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=_OVERWRITE_HELP)]
     overwrite = inspect.Parameter("overwrite", inspect.Parameter.KEYWORD_ONLY, default=False)
     parameters = [*signature.parameters.values(), overwrite]
     run_with_outputs.__signature__ = signature.replace(  # type: ignore[attr-defined]
@@ -78,12 +78,12 @@ def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
     return run_with_outputs
 
 
-def find_paths(value: object) -> list[Path]:
+def _find_paths(value: object) -> list[Path]:
     """Return the paths among what a parameter was given."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 
-class Printable:
+class _Printable:
     """A text stream that writes out whatever in a text would command the terminal behind it (`printable`)."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -105,17 +105,17 @@ class Printable:
 
 
 @contextmanager
-def clean_streams() -> Iterator[None]:
+def _clean_streams() -> Iterator[None]:
     """Everything that is printed, whoever prints it, cleaned: names in files, paths, messages of libraries."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (Printable(stream) for stream in before)
+    sys.stdout, sys.stderr = (_Printable(stream) for stream in before)
     try:
         yield
     finally:
         sys.stdout, sys.stderr = before
 
 
-def rich_console() -> Console:
+def _rich_console() -> Console:
     """Return a console of rich on standard error itself: what moves there is drawn by codes that are meant."""
     from rich.console import Console
 
@@ -129,7 +129,7 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
     have another name on the command line: in messages they have that one. What names in a file could do to a terminal
     is undone on the way, in everything that is printed.
     """
-    with clean_streams(), warnings.catch_warnings():
+    with _clean_streams(), warnings.catch_warnings():
         for category in shown:
             warnings.simplefilter("always", category)
         printed: set[str] = set()
@@ -147,7 +147,7 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
             if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
                 others(message, category, filename, lineno, file, line)
                 return
-            text = name_options(one_line(str(message)), options)
+            text = _name_options(one_line(str(message)), options)
             if text not in printed:  # of several outputs, each warns of what they share
                 typer.echo(f"{name}: warning: {text}", err=True)
             printed.add(text)
@@ -156,23 +156,23 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
         try:
             app(prog_name=name)
         except SystemExit as stop:
-            if stop.code == INTERRUPTED:  # files are written whole or not at all
+            if stop.code == _INTERRUPTED:  # files are written whole or not at all
                 typer.echo(f"{name}: interrupted. No file is half written", err=True)
             raise
         except (ValueError, OSError, MissingPackageError) as error:
-            typer.echo(f"{name}: {name_options(describe_error(error), options)}", err=True)
+            typer.echo(f"{name}: {_name_options(_describe_error(error), options)}", err=True)
             raise SystemExit(2) from None
         except MemoryError as error:
             typer.echo(f"{name}: not enough memory for this: {error or 'none is left'}", err=True)
             raise SystemExit(2) from None
 
 
-def name_options(text: str, options: Mapping[str, str]) -> str:
+def _name_options(text: str, options: Mapping[str, str]) -> str:
     """Return a message of the library in the words of the command line.
 
-    >>> name_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
+    >>> _name_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
     '--period must be 7; give --period 7 or --resample'
-    >>> name_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
+    >>> _name_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
     'go to record_from_samples(u, y, fs=...)'
     """
     for parameter, option in options.items():
@@ -184,7 +184,7 @@ def name_options(text: str, options: Mapping[str, str]) -> str:
     return text
 
 
-def describe_error(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     """Return what went wrong, for a command line: the system's own errors name their file first."""
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
@@ -221,7 +221,7 @@ def parse_number(name: str, text: str) -> float:
 @contextmanager
 def spinner(what: str) -> Iterator[None]:
     """A spinner on standard error while something takes its time."""
-    with rich_console().status(what):
+    with _rich_console().status(what):
         yield
 
 
@@ -231,7 +231,7 @@ def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int,
 
     Nothing is written where that is a file: rich would end it with an empty line.
     """
-    bar = rich_bar(rich_console(), what, even=even)
+    bar = rich_bar(_rich_console(), what, even=even)
 
     def show(done: int, total: int) -> None:
         bar.update(bar.task_ids[0], completed=done, total=total, status=f"{done} of {total}")
@@ -240,14 +240,14 @@ def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int,
         yield show
 
 
-def print_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     """Print the version and stop, before a command is asked for."""
     if wanted:
         typer.echo(f"nlfrf + robust {version('nlfrf')}")
         raise typer.Exit
 
 
-INTERRUPTED = 130  # exit code of a command that was interrupted, as a shell has it
+_INTERRUPTED = 130  # exit code of a command that was interrupted, as a shell has it
 MAX_ROWS = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
 Decimal = Annotated[
     str,
@@ -259,5 +259,5 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")
 ]
 Version = Annotated[
-    bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and stop.")
+    bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")
 ]

@@ -12,7 +12,7 @@ from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 #: misread is off by a factor of 16.7 or 60.
 USUAL_KV = (5.0, 1000.0)
 #: Entry -> kind of quantity.
-NUMBERS = {
+_NUMBERS = {
     **dict.fromkeys(("fs", "observer_frequency"), "frequency"),
     **dict.fromkeys(("tn", "lag", "delay", "velocity_lag"), "time"),
     "kv": "rate",
@@ -21,9 +21,9 @@ NUMBERS = {
     "velocity_feedforward": "share",
 }
 #: Entries that are texts or whole numbers, as `Drive` takes them.
-PLAIN = ("position_every", "encoder", "position_unit", "load_unit", "unit_factor", "load_factor")
+_PLAIN = ("position_every", "encoder", "position_unit", "load_unit", "unit_factor", "load_factor")
 #: Entries that a file may have whose numbers need no unit.
-WITHOUT_UNIT = ("delay_periods", "filters")
+_WITHOUT_UNIT = ("delay_periods", "filters")
 
 
 def read_drive_entries(where: str, content: Mapping[str, object], *, position: str = "") -> JsonObject:
@@ -38,16 +38,16 @@ def read_drive_entries(where: str, content: Mapping[str, object], *, position: s
     ValueError
         An entry that is not known or missing, a number without a unit or with a wrong one.
     """
-    plain = PLAIN + WITHOUT_UNIT * bool(position)
-    require_known(where, content, [*NUMBERS, *plain, "kp"])
+    plain = _PLAIN + _WITHOUT_UNIT * bool(position)
+    require_known(where, content, [*_NUMBERS, *plain, "kp"])
     if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
         raise ValueError(f"{where} must have an entry {missing[0]}, got none")
     found: JsonObject = {name: content[name] for name in plain if name in content}
-    for name, kind in NUMBERS.items():
+    for name, kind in _NUMBERS.items():
         if name in content:
             as_it_is = position and not isinstance(content[name], str)
             found[name] = content[name] if as_it_is else parse_quantity(name, kind, content[name])
-    found["kp"], found["kp_unit"] = read_gain(content["kp"], position)
+    found["kp"], found["kp_unit"] = _read_gain(content["kp"], position)
     if not position:
         found["assumed"] = tuple(name for name in ("lag", "delay") if name not in found)
     if "delay" in found:
@@ -55,7 +55,7 @@ def read_drive_entries(where: str, content: Mapping[str, object], *, position: s
     return found
 
 
-def read_gain(written: object, position: str) -> tuple[object, str]:
+def _read_gain(written: object, position: str) -> tuple[object, str]:
     """Return kp and its unit; of an axis in m or rad only one over a velocity of it."""
     if position and not isinstance(written, str):
         return written, f"A/({position}/s)"

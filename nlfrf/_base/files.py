@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 #
 # Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then
 # its inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The
-# kind is read from the file itself (`file_kind`), because nothing else survives copying a folder or calling a script
+# kind is read from the file itself (`_file_kind`), because nothing else survives copying a folder or calling a script
 # again.
 #
 # Outside a command a path is one that the caller wrote down, and is replaced as NumPy and pandas do. A file whose name
@@ -46,51 +46,51 @@ MEASURED_RECORDS = ("a measured record", "a measured record of several channels"
 MULTIRECORD_KINDS = (RECORD_SCHEMAS[1], MEASURED_RECORDS[1])
 SIMULATED_MARK = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
 DESIGN_MARK = "the samples of a design"
-TABLE_HEADERS = (
+_TABLE_HEADERS = (
     (r"f \[Hz\],Re G,Im G,bound,bound_realization,std_noise,.*", "the table of a BLA"),
     (r"f \[Hz\](,Re [^,]+,Im [^,]+,bound [^,]+)+", "the table of a matrix"),
     (r"b0,b1,b2,a0,a1,a2", "second-order sections"),
     (r"t \[s\](,u\d+( experiment \d+)?)+", DESIGN_MARK),
     (r"t \[s\],.*", ""),  # a record: it looks like anybody's measurement
 )
-TEXT_SIGNATURE = rb"(?m)^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$"
-PAGE_SIGNATURE = rb'<meta name="generator" content="(robust: [^"]+)">'
-HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
+_TEXT_SIGNATURE = rb"(?m)^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$"
+_PAGE_SIGNATURE = rb'<meta name="generator" content="(robust: [^"]+)">'
+_HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
 
 
-class FileKind(NamedTuple):
+class _FileKind(NamedTuple):
     """What a kind of file is called, and the command that takes a file {} of it."""
 
     name: str
     command: str
 
 
-MULTISINE_FILE = FileKind(
+_MULTISINE_FILE = _FileKind(
     "a multisine", "nlfrf simulate {0} -o record.npz, or play it and: nlfrf identify RECORD --design {0} -o bla.npz"
 )
-RECORD_FILE = FileKind("a record", "nlfrf identify {} -o bla.npz")
-BLA_FILE = FileKind("a BLA", "robust model {} -o model.json")
-MODEL_FILE = FileKind(
+_RECORD_FILE = _FileKind("a record", "nlfrf identify {} -o bla.npz")
+_BLA_FILE = _FileKind("a BLA", "robust model {} -o model.json")
+_MODEL_FILE = _FileKind(
     "a model",
     "robust design {0} --bandwidth HERTZ --sample-time SECONDS -o controller.json; "
     "robust check {0} controller.json -o report.txt",
 )
-CERTIFICATE_FILE = FileKind("a certificate", "robust verify {}")
+_CERTIFICATE_FILE = _FileKind("a certificate", "robust verify {}")
 FILE_KINDS = {
-    "nlfrf-multisine": MULTISINE_FILE,
-    "nlfrf-axis-experiment": FileKind(
+    "nlfrf-multisine": _MULTISINE_FILE,
+    "nlfrf-axis-experiment": _FileKind(
         "an experiment on a drive",
         "nlfrf axis play AXIS SETPOINTS.csv -o trace.csv, or play it and: nlfrf identify TRACE --design {} -o bla.npz",
     ),
-    **dict.fromkeys((*RECORD_SCHEMAS, *MEASURED_RECORDS), RECORD_FILE),
-    "nlfrf-bla": BLA_FILE,
-    "nlfrf-frm": BLA_FILE,
-    "robust-model": MODEL_FILE,
-    "robust-matrix-model": MODEL_FILE,
-    "robust-controller": FileKind("a controller", "robust check MODEL {}"),
-    "robust-certificate": CERTIFICATE_FILE,
-    "robust-friction-certificate": CERTIFICATE_FILE,
-    "robust-mu-certificate": CERTIFICATE_FILE,
+    **dict.fromkeys((*RECORD_SCHEMAS, *MEASURED_RECORDS), _RECORD_FILE),
+    "nlfrf-bla": _BLA_FILE,
+    "nlfrf-frm": _BLA_FILE,
+    "robust-model": _MODEL_FILE,
+    "robust-matrix-model": _MODEL_FILE,
+    "robust-controller": _FileKind("a controller", "robust check MODEL {}"),
+    "robust-certificate": _CERTIFICATE_FILE,
+    "robust-friction-certificate": _CERTIFICATE_FILE,
+    "robust-mu-certificate": _CERTIFICATE_FILE,
 }
 
 
@@ -103,7 +103,7 @@ class Role(Enum):
 
 
 @dataclass
-class Outputs:
+class _Outputs:
     """What the command that is running reads, and what it has written so far."""
 
     inputs: tuple[Path, ...]
@@ -111,27 +111,27 @@ class Outputs:
     written: list[Path] = field(default_factory=list)
 
 
-RUNNING_COMMAND: ContextVar[Outputs | None] = ContextVar("running", default=None)
+_RUNNING_COMMAND: ContextVar[_Outputs | None] = ContextVar("running", default=None)
 
 
 @contextmanager
-def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[Outputs]:
+def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[_Outputs]:
     """While a command runs: keep its inputs, and what it did not make, from what it writes."""
-    running = Outputs(tuple(inputs), overwrite)
-    token = RUNNING_COMMAND.set(running)
+    running = _Outputs(tuple(inputs), overwrite)
+    token = _RUNNING_COMMAND.set(running)
     try:
         yield running
     finally:
-        RUNNING_COMMAND.reset(token)
+        _RUNNING_COMMAND.reset(token)
 
 
 def is_command() -> bool:
     """Return whether a command is running, and not a script of the user's."""
-    return RUNNING_COMMAND.get() is not None
+    return _RUNNING_COMMAND.get() is not None
 
 
 def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
-    """Refuse, before the work is done, what `admit_file` would refuse after it whatever is to be written.
+    """Refuse, before the work is done, what `_admit_file` would refuse after it whatever is to be written.
 
     Parameters
     ----------
@@ -140,26 +140,26 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
     role : Role
         Where their names come from.
     """
-    running = RUNNING_COMMAND.get()
+    running = _RUNNING_COMMAND.get()
     for path in paths:
-        target = resolve_target(path)
+        target = _resolve_target(path)
         for taken in () if running is None else running.inputs:
-            if is_same_file(target, taken):
+            if _is_same_file(target, taken):
                 which = "" if str(path) == str(taken) else f", which is {taken}"
                 raise ValueError(
                     f"a file to write must not be one that the command reads, got {path}{which}: what it holds would "
                     "be lost; take another name"
                 )
         for taken in () if running is None else running.written:
-            if is_same_file(target, taken):
+            if _is_same_file(target, taken):
                 raise ValueError(f"files to write must have different names, got {path} twice; take another name")
         if target.exists() and not target.is_file():
             raise ValueError(f"a file to write must be a file, got {path}, which is a folder or a device")
-        if is_guarded(running, role) and target.exists() and not is_replaceable(target, path):
-            raise_for_foreign(path, running)
+        if _is_guarded(running, role) and target.exists() and not _is_replaceable(target, path):
+            _raise_for_foreign(path, running)
 
 
-def admit_file(path: Path, new: Path, role: Role) -> None:
+def _admit_file(path: Path, new: Path, role: Role) -> None:
     """Refuse a file that is about to take a place, or note that it is written.
 
     Parameters
@@ -172,30 +172,30 @@ def admit_file(path: Path, new: Path, role: Role) -> None:
         Where the name of the place comes from.
     """
     require_writable(path, role=role)
-    running, target = RUNNING_COMMAND.get(), resolve_target(path)
-    if is_guarded(running, role) and target.exists():
+    running, target = _RUNNING_COMMAND.get(), _resolve_target(path)
+    if _is_guarded(running, role) and target.exists():
         suffix = path.suffix.lower()
-        if file_kind(target, suffix) != file_kind(new, suffix):
-            raise_for_foreign(path, running)
+        if _file_kind(target, suffix) != _file_kind(new, suffix):
+            _raise_for_foreign(path, running)
     if running is not None and role is not Role.KEPT:
         running.written.append(path)
 
 
-def is_guarded(running: Outputs | None, role: Role) -> bool:
+def _is_guarded(running: _Outputs | None, role: Role) -> bool:
     """Return whether a file that is no result of ours has to stay."""
     return role is not Role.KEPT and (role is Role.DERIVED if running is None else not running.overwrite)
 
 
-def raise_for_foreign(path: Path, running: Outputs | None) -> None:
+def _raise_for_foreign(path: Path, running: _Outputs | None) -> None:
     """Refuse to replace what is in a place."""
     cure = "take another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
     raise ValueError(
         f"a file to write must be new or an earlier result of the same kind, got {path}, which holds "
-        f"{describe_content(path)}; {cure}"
+        f"{_describe_content(path)}; {cure}"
     )
 
 
-def describe_content(path: Path) -> str:
+def _describe_content(path: Path) -> str:
     """Return what a file holds, for people; of a table what its design says, if it stands in the .npz of its name."""
     design = path.with_suffix(".npz")
     if path != design and stated_kind(design, ".npz") == "nlfrf-axis-experiment":
@@ -204,27 +204,27 @@ def describe_content(path: Path) -> str:
     return FILE_KINDS[kind].name if kind in FILE_KINDS else kind or "something else"
 
 
-def resolve_target(path: Path) -> Path:
+def _resolve_target(path: Path) -> Path:
     """Return the file behind a path: a symbolic link is written through, as by every other program."""
     return Path(os.path.realpath(path))
 
 
-def is_same_file(one: Path, other: Path) -> bool:
+def _is_same_file(one: Path, other: Path) -> bool:
     """Whether two paths name one file: by links of both kinds, and by case where names differ in nothing else."""
     try:
         if one.samefile(other):
             return True
     except OSError:  # one of them is not there
         pass
-    return str(resolve_target(one)).casefold() == str(resolve_target(other)).casefold()
+    return str(_resolve_target(one)).casefold() == str(_resolve_target(other)).casefold()
 
 
-def is_replaceable(target: Path, path: Path) -> bool:
+def _is_replaceable(target: Path, path: Path) -> bool:
     """Return whether an existing file says that these packages made it."""
-    kind = file_kind(target, path.suffix.lower())
+    kind = _file_kind(target, path.suffix.lower())
     # anybody's generator may write a column u0: ours has its design beside it
     return kind is not None and (
-        kind != DESIGN_MARK or "multisine" in (file_kind(path.with_suffix(".npz"), ".npz") or "")
+        kind != DESIGN_MARK or "multisine" in (_file_kind(path.with_suffix(".npz"), ".npz") or "")
     )
 
 
@@ -243,7 +243,7 @@ LOAD_OPTIONS = {
 
 
 def command_signature(command: str) -> str:
-    """Return the line at the end of a text file by which `file_kind` knows the command that wrote it.
+    """Return the line at the end of a text file by which `_file_kind` knows the command that wrote it.
 
     >>> command_signature("robust check")
     "(written by 'robust check')"
@@ -251,7 +251,7 @@ def command_signature(command: str) -> str:
     return f"(written by '{command}')"
 
 
-def file_kind(path: Path, suffix: str) -> str | None:
+def _file_kind(path: Path, suffix: str) -> str | None:
     """Return what a file says it is, None where it does not say that these packages made it, or cannot be read.
 
     A record counts only where a command simulated it, because a measurement is written by the same function.
@@ -263,7 +263,7 @@ def file_kind(path: Path, suffix: str) -> str | None:
 def stated_kind(path: Path, suffix: str) -> str | None:
     """Return what a file says it is, a measured record too; None where it does not say, or cannot be read."""
     try:
-        return KIND_READERS[suffix](path)
+        return _KIND_READERS[suffix](path)
     except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
         return None
 
@@ -295,19 +295,19 @@ def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas
     return f"path must hold {wanted}, got {path}, which is {name}; go on with: {command.format(quoted)}"
 
 
-def kind_of_npz(path: Path) -> str | None:
+def _kind_of_npz(path: Path) -> str | None:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-        return kind_of_schema(str(file["schema"]), SIMULATED_MARK in file.files)
+        return _kind_of_schema(str(file["schema"]), SIMULATED_MARK in file.files)
 
 
-def kind_of_hdf5(path: Path) -> str | None:
+def _kind_of_hdf5(path: Path) -> str | None:
     h5py = import_extra("h5py", "hdf5", "an HDF5 file")
 
     with h5py.File(path, "r") as file:
-        return kind_of_schema(str(file.attrs["schema"]), SIMULATED_MARK in file)
+        return _kind_of_schema(str(file.attrs["schema"]), SIMULATED_MARK in file)
 
 
-def kind_of_mat(path: Path) -> str | None:
+def _kind_of_mat(path: Path) -> str | None:
     from scipy.io import loadmat
 
     content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED_MARK])
@@ -316,57 +316,58 @@ def kind_of_mat(path: Path) -> str | None:
     return (
         str(content["kind"].item())
         if "kind" in content
-        else kind_of_schema(content["schema"].item(), SIMULATED_MARK in content)
+        else _kind_of_schema(content["schema"].item(), SIMULATED_MARK in content)
     )
 
 
-def kind_of_schema(schema: str, simulated: bool) -> str | None:
+def _kind_of_schema(schema: str, simulated: bool) -> str | None:
     if schema in RECORD_SCHEMAS and not simulated:
         return MEASURED_RECORDS[RECORD_SCHEMAS.index(schema)]
     return schema if schema.startswith(("nlfrf-", "robust-")) else None
 
 
-def kind_of_table(path: Path) -> str | None:
+def _kind_of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
     first = first if "," in first else first.replace(";", ",")
-    return next((kind for pattern, kind in TABLE_HEADERS if re.fullmatch(pattern, first)), None) or None
+    return next((kind for pattern, kind in _TABLE_HEADERS if re.fullmatch(pattern, first)), None) or None
 
 
-def kind_of_signed(path: Path, signature: bytes) -> str | None:
-    found = re.search(signature, first_and_last_bytes(path))
+def _kind_of_signed(path: Path, signature: bytes) -> str | None:
+    found = re.search(signature, _first_and_last_bytes(path))
     return found and found[1].decode()
 
 
-def kind_of_sound(path: Path) -> str | None:
-    return DESIGN_MARK if b"ISFT" in first_and_last_bytes(path) and b"nlfrf" in first_and_last_bytes(path) else None
+def _kind_of_sound(path: Path) -> str | None:
+    return DESIGN_MARK if b"ISFT" in _first_and_last_bytes(path) and b"nlfrf" in _first_and_last_bytes(path) else None
 
 
-def first_and_last_bytes(path: Path) -> bytes:
+def _first_and_last_bytes(path: Path) -> bytes:
     """Return the first and the last bytes of a file."""
     with path.open("rb") as stream:
-        head = stream.read(HEAD_BYTES)
-        stream.seek(max(len(head), path.stat().st_size - HEAD_BYTES))
+        head = stream.read(_HEAD_BYTES)
+        stream.seek(max(len(head), path.stat().st_size - _HEAD_BYTES))
         return head + stream.read()
 
 
-KIND_READERS: dict[str, Callable[[Path], str | None]] = {
-    ".npz": kind_of_npz,
-    ".mat": kind_of_mat,
-    ".json": lambda path: kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False),
-    ".csv": kind_of_table,
-    ".wav": kind_of_sound,
-    **dict.fromkeys((".h5", ".hdf5"), kind_of_hdf5),
-    **dict.fromkeys((".html", ".htm"), partial(kind_of_signed, signature=PAGE_SIGNATURE)),
+_KIND_READERS: dict[str, Callable[[Path], str | None]] = {
+    ".npz": _kind_of_npz,
+    ".mat": _kind_of_mat,
+    ".json": lambda path: _kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False),
+    ".csv": _kind_of_table,
+    ".wav": _kind_of_sound,
+    **dict.fromkeys((".h5", ".hdf5"), _kind_of_hdf5),
+    **dict.fromkeys((".html", ".htm"), partial(_kind_of_signed, signature=_PAGE_SIGNATURE)),
     **dict.fromkeys(
-        (".png", ".pdf", ".svg", ".eps", ".ps"), partial(kind_of_signed, signature=b"(%b)" % PICTURE_SIGNATURE.encode())
+        (".png", ".pdf", ".svg", ".eps", ".ps"),
+        partial(_kind_of_signed, signature=b"(%b)" % PICTURE_SIGNATURE.encode()),
     ),
-    **dict.fromkeys((".txt", ".m", ".md"), partial(kind_of_signed, signature=TEXT_SIGNATURE)),
+    **dict.fromkeys((".txt", ".m", ".md"), partial(_kind_of_signed, signature=_TEXT_SIGNATURE)),
 }
 
 
 DECIMALS = (".", ",")  # marks of decimals that a table may have
-CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
+_CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
 VERSION = 1  # of the schemas of records and results
 
 
@@ -379,15 +380,15 @@ def to_path(path: object) -> Path:
 
 def page_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a page, or a refusal where it ends otherwise."""
-    return path_ending_in(path, ".html", ".htm")
+    return _path_ending_in(path, ".html", ".htm")
 
 
 def json_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a JSON file, which `load` knows by its suffix, or a refusal where it ends otherwise."""
-    return path_ending_in(path, ".json")
+    return _path_ending_in(path, ".json")
 
 
-def path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
+def _path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
     """Return a path with one of these suffixes, or a refusal that names the first."""
     path = to_path(path)
     if path.suffix.lower() not in suffixes:
@@ -415,7 +416,7 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None]
         A folder that does not exist.
     """
     path = to_path(path)
-    target = resolve_target(path)
+    target = _resolve_target(path)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
     require_writable(path, role=role)
@@ -424,14 +425,14 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None]
     temporary = Path(name)
     try:
         write(temporary)
-        admit_file(path, temporary, role)
-        temporary.chmod(0o666 & ~current_umask())
+        _admit_file(path, temporary, role)
+        temporary.chmod(0o666 & ~_current_umask())
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def current_umask() -> int:
+def _current_umask() -> int:
     """Return the process's umask; mkstemp makes files that only their owner may read."""
     mask = os.umask(0)
     os.umask(mask)
@@ -442,9 +443,9 @@ def write_arrays(path: Path, content: Mapping[str, np.ndarray], *, role: Role = 
     """Write named arrays in the format that the suffix says."""
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        write_atomically(path, lambda target: save_arrays(target, content), role=role)
+        write_atomically(path, lambda target: _save_arrays(target, content), role=role)
     elif suffix in (".h5", ".hdf5"):
-        write_atomically(path, lambda target: save_hdf5(target, content), role=role)
+        write_atomically(path, lambda target: _save_hdf5(target, content), role=role)
     else:
         raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
 
@@ -456,13 +457,13 @@ def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
     write_atomically(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
 
 
-def save_arrays(target: Path, content: Mapping[str, ArrayField]) -> None:
+def _save_arrays(target: Path, content: Mapping[str, ArrayField]) -> None:
     """Write arrays as NPZ."""
     with target.open("wb") as stream:
         np.savez(stream, **content)
 
 
-def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
+def _save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
     """Write arrays as HDF5, texts as attributes."""
     h5py = import_extra("h5py", "hdf5", "an HDF5 file")
 
@@ -501,8 +502,8 @@ def write_table(
         with temporary.open("w", encoding="utf-8", newline="\n") as stream:
             stream.writelines(f"# {one_line(one)}\n" for one in comments)
             stream.write(between.join(map(quoted, names)) + "\n")
-            for first in range(0, len(table), CHUNK_ROWS):
-                rows = (between.join(map(repr, row)) for row in table[first : first + CHUNK_ROWS].tolist())
+            for first in range(0, len(table), _CHUNK_ROWS):
+                rows = (between.join(map(repr, row)) for row in table[first : first + _CHUNK_ROWS].tolist())
                 text = "\n".join(rows) + "\n"
                 stream.write(text if decimal == "." else text.replace(".", ","))
 
@@ -543,10 +544,10 @@ def parse_json(path: str | os.PathLike[str]) -> Json:
     try:
         return json.loads(
             text,
-            parse_constant=refuse_constant,
-            parse_float=parse_finite,
-            parse_int=parse_whole,
-            object_pairs_hook=object_with_unique_keys,
+            parse_constant=_refuse_constant,
+            parse_float=_parse_finite,
+            parse_int=_parse_whole,
+            object_pairs_hook=_object_with_unique_keys,
         )
     except RecursionError:
         reason = "it is nested too deeply"
@@ -555,24 +556,24 @@ def parse_json(path: str | os.PathLike[str]) -> Json:
     raise ValueError(f"path must be a whole JSON file, got {path}: {reason[:160]}") from None
 
 
-def refuse_constant(text: str) -> NoReturn:
+def _refuse_constant(text: str) -> NoReturn:
     """Refuse NaN and infinities, which are no JSON."""
     raise ValueError(f"a number must be finite, got {text}")
 
 
-def parse_finite(text: str) -> float:
+def _parse_finite(text: str) -> float:
     """Return a number with a point or an exponent."""
     number = float(text)
-    return number if math.isfinite(number) else refuse_constant(text[:40])
+    return number if math.isfinite(number) else _refuse_constant(text[:40])
 
 
-def parse_whole(text: str) -> int:
+def _parse_whole(text: str) -> int:
     """Return a whole number that a float can hold."""
-    parse_finite(text)
+    _parse_finite(text)
     return int(text)
 
 
-def object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
+def _object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
     """Return an object; two values by one key would be read one way here and another way there."""
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -595,7 +596,7 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
     """
     path = to_path(path)
     suffix = path.suffix.lower()
-    if suffix != ".json" and suffix in KIND_READERS and path.is_file():
+    if suffix != ".json" and suffix in _KIND_READERS and path.is_file():
         raise ValueError(describe_wrong_file(path, stated_kind(path, suffix), *schemas))
     content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
@@ -615,7 +616,7 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
         The first place that is not as it must be.
     """
     try:
-        fault = schema_fault(content, schema_validator(package, name))
+        fault = _schema_fault(content, _schema_validator(package, name))
     except RecursionError:
         fault = "it is nested too deeply"
     if fault:
@@ -623,7 +624,7 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
 
 
 @lru_cache
-def schema_validator(package: str, name: str) -> Validator:
+def _schema_validator(package: str, name: str) -> Validator:
     """Return what holds content against a schema as it is published."""
     from jsonschema import Draft202012Validator
 
@@ -631,11 +632,11 @@ def schema_validator(package: str, name: str) -> Validator:
     return Draft202012Validator(schema)
 
 
-def schema_fault(content: Json, validator: Validator) -> str:
+def _schema_fault(content: Json, validator: Validator) -> str:
     """Return in one line the first place in which parsed JSON is not what a schema says; "" where it is.
 
     >>> from jsonschema import Draft202012Validator
-    >>> schema_fault({"dt": -1}, Draft202012Validator({"properties": {"dt": {"minimum": 0}}}))
+    >>> _schema_fault({"dt": -1}, Draft202012Validator({"properties": {"dt": {"minimum": 0}}}))
     'dt must have minimum 0, got -1'
     """
     from jsonschema.exceptions import best_match

@@ -85,10 +85,10 @@ def rms(x: np.ndarray) -> np.ndarray:
 # Those of SciPy would take longer to import than all that they are used for.
 
 BLOCK_ENTRIES = 1 << 17  # numbers that are worked on together: they stay in the cache
-LONG_SIGNAL = 1 << 17  # samples past which threads are worth the import
-PART_SAMPLES = 1 << 16  # samples of a part: its transform stays in the cache
-N_TOGETHER = 8  # parts that are read together: the samples of a line of the cache
-FEW_PARTS = 8  # samples to a line and a part, from which a long transform is put together of parts
+_LONG_SIGNAL = 1 << 17  # samples past which threads are worth the import
+_PART_SAMPLES = 1 << 16  # samples of a part: its transform stays in the cache
+_N_TOGETHER = 8  # parts that are read together: the samples of a line of the cache
+_FEW_PARTS = 8  # samples to a line and a part, from which a long transform is put together of parts
 
 
 def iterate_blocks(n: int, size: int = 1) -> list[slice]:
@@ -158,7 +158,7 @@ def rfft(x: np.ndarray) -> np.ndarray:
     >>> bool(np.array_equal(rfft(np.ones((2, 8))), np.fft.rfft(np.ones((2, 8)))))
     True
     """
-    if x.size <= LONG_SIGNAL:
+    if x.size <= _LONG_SIGNAL:
         return np.fft.rfft(x)
     from scipy import fft
 
@@ -178,7 +178,7 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     True
     """
     n = x.shape[-1]
-    n_parts = number_of_parts(n, lines.size)
+    n_parts = _number_of_parts(n, lines.size)
     if n_parts == 1:
         return rfft(x).take(lines, axis=-1)
     size = n // n_parts
@@ -189,8 +189,8 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     spectra = np.zeros((*x.shape[:-1], lines.size), dtype=complex)
     for where in np.ndindex(x.shape[:-1]):
         parts = x[where].reshape(size, n_parts)
-        for first in range(0, n_parts, N_TOGETHER):
-            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + N_TOGETHER].T)).take(at, axis=1)
+        for first in range(0, n_parts, _N_TOGETHER):
+            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + _N_TOGETHER].T)).take(at, axis=1)
             transformed.imag *= sign
             for a, part in enumerate(transformed, first):
                 spectra[where] += np.exp(-2j * np.pi / n * (a * lines % n)) * part
@@ -198,12 +198,12 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def number_of_parts(n: int, n_lines: int) -> int:
+def _number_of_parts(n: int, n_lines: int) -> int:
     """Into how many parts a transform of n samples is taken apart for so many lines; 1 where that does not pay."""
-    if n <= 2 * LONG_SIGNAL:
+    if n <= 2 * _LONG_SIGNAL:
         return 1
-    least = -(-n // PART_SAMPLES)
-    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * FEW_PARTS <= n), 1)
+    least = -(-n // _PART_SAMPLES)
+    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * _FEW_PARTS <= n), 1)
 
 
 # ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over its own scatter.
@@ -216,7 +216,7 @@ def number_of_parts(n: int, n_lines: int) -> int:
 # with s = min(n_y, n_u), a = |n_u - n_y|, b = L - n_y and p_i orthonormal on [0, 1] under w; for L = inf the weight is
 # that of Laguerre. One input: Hotelling. (Khatri 1964; C. G. Khatri, Ann. Math. Statist. 35, p. 1807.)
 
-N_NODES = 200
+_N_NODES = 200
 
 
 def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
@@ -228,7 +228,7 @@ def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
     from scipy.special import eval_genlaguerre, eval_jacobi, gammaln
 
     s, a = min(n_y, n_u), abs(n_u - n_y)
-    nodes, weights = nodes_and_weights()
+    nodes, weights = _nodes_and_weights()
     i = np.arange(s)[:, None]
     if np.isinf(dof):
         theta = x * nodes
@@ -249,9 +249,9 @@ def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
 
 
 @lru_cache(maxsize=1)
-def nodes_and_weights() -> tuple[np.ndarray, np.ndarray]:
+def _nodes_and_weights() -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre on [0, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(N_NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(_N_NODES)
     return (nodes + 1) / 2, weights / 2
 
 

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-MIN_INTERVAL = 0.1  # seconds between two looks
-ERASE_LINE = "\r\x1b[2K"
+_MIN_INTERVAL = 0.1  # seconds between two looks
+_ERASE_LINE = "\r\x1b[2K"
 
 
-def progress_bar(label: str = "") -> ProgressBar:
+def progress_bar(label: str = "") -> _ProgressBar:
     """A bar to give as ``progress=`` to whatever takes that: in a notebook below the cell, else on standard error.
 
     Parameters
@@ -43,10 +43,10 @@ def progress_bar(label: str = "") -> ProgressBar:
     """
     if not isinstance(label, str):
         raise ValueError(f"label must be a text, got {label!r}")
-    return ProgressBar(label)
+    return _ProgressBar(label)
 
 
-class ProgressBar:
+class _ProgressBar:
     """A bar that is drawn anew at each call, without a thread: an interrupt leaves the terminal as it is."""
 
     def __init__(self, label: str) -> None:
@@ -68,10 +68,10 @@ class ProgressBar:
     def show(self, done: float, total: float, status: str) -> None:
         """Draw the bar where somebody looks, not more often than is seen; at its end always."""
         now = time.monotonic()
-        if done < total and now - self.last < MIN_INTERVAL:
+        if done < total and now - self.last < _MIN_INTERVAL:
             return
         self.last = now
-        if in_notebook():
+        if _in_notebook():
             self.show_in_notebook(done, total, status)
         elif sys.stderr.isatty():
             from rich.console import Console
@@ -81,7 +81,7 @@ class ProgressBar:
             self.bar.update(self.bar.task_ids[0], completed=done, total=total, status=status)
             with self.bar.console.capture() as drawn:
                 self.bar.console.print(self.bar.get_renderable())
-            sys.stderr.write(ERASE_LINE + drawn.get().rstrip("\n") + "\n" * (done >= total))
+            sys.stderr.write(_ERASE_LINE + drawn.get().rstrip("\n") + "\n" * (done >= total))
             sys.stderr.flush()
 
     def show_in_notebook(self, done: float, total: float, status: str) -> None:
@@ -115,7 +115,7 @@ def rich_bar(console: Console, label: str, *, even: bool = True) -> Progress:
     return bar
 
 
-def in_notebook() -> bool:
+def _in_notebook() -> bool:
     """Return whether this runs in the kernel of a notebook, and not in a terminal."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return hasattr(shell, "kernel")

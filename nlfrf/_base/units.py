@@ -21,14 +21,14 @@ POSITIONS = {
     "rev": ("rad", 2 * np.pi),
 }
 #: Unit of a velocity -> base unit of its position and factor to base units per second.
-VELOCITIES = {f"{unit}/s": pair for unit, pair in POSITIONS.items()} | {
+_VELOCITIES = {f"{unit}/s": pair for unit, pair in POSITIONS.items()} | {
     **dict.fromkeys(("rpm", "1/min"), ("rad", 2 * np.pi / 60)),
     "mm/min": ("m", 1e-3 / 60),
 }
 #: What a velocity loop puts out, and the factor to A, N or Nm.
 OUTPUTS = {"A": ("A", 1.0), "mA": ("A", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3), "Nm": ("Nm", 1.0)}
 #: Kind of quantity -> its units and their factors; the first is that of the result.
-QUANTITIES = {
+_QUANTITIES = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "rate": {"1/s": 1.0, "1/min": 1 / 60, "(m/min)/mm": 1e3 / 60, "m/min/mm": 1e3 / 60},
@@ -63,12 +63,12 @@ def parse_gain_unit(unit: str) -> tuple[str, str, float]:
         r"\s*(\w+?)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|[*·⋅]?\s*s\s*/\s*(\w+))\s*", unit if isinstance(unit, str) else ""
     )
     output, velocity = (found[1], found[2] or f"{found[3]}/s") if found else ("", "")
-    if output not in OUTPUTS or velocity not in VELOCITIES:
+    if output not in OUTPUTS or velocity not in _VELOCITIES:
         raise ValueError(
             'kp_unit must be current or force over velocity, such as "A/(m/s)", "Ns/m", "Nms/rad" or "A/rpm", '
             f"got {short_form(unit)}"
         )
-    (name, size), (base, per) = OUTPUTS[output], VELOCITIES[velocity]
+    (name, size), (base, per) = OUTPUTS[output], _VELOCITIES[velocity]
     return name, base, size / per
 
 
@@ -91,13 +91,13 @@ def parse_quantity(name: str, kind: str, written: object) -> float:
     >>> parse_quantity("motor_inertia", "inertia", "2 kgm²")  # spaces, dots and stars between units do not count
     2.0
     """
-    units = QUANTITIES[kind]
+    units = _QUANTITIES[kind]
     listed = " or ".join(f'"1 {unit}"' for unit in units if unit)
     if "" in units and isinstance(written, int | float) and not isinstance(written, bool):
         return float(written)
     try:
         number, unit = split_quantity(written)
-        return number * {join_unit(one): factor for one, factor in units.items()}[join_unit(unit)]
+        return number * {_join_unit(one): factor for one, factor in units.items()}[_join_unit(unit)]
     except (KeyError, ValueError):
         raise ValueError(
             f"{name} must be a number with its unit, such as {listed}, got {short_form(written)}"
@@ -118,7 +118,7 @@ def split_quantity(written: object) -> tuple[float, str]:
     return float(found[1]), found[2]
 
 
-def join_unit(unit: str) -> str:
+def _join_unit(unit: str) -> str:
     """Return a unit without what may stand between its parts: "kg m²" and "kg*m^2" are the same."""
     return re.sub(r"[\s*·⋅]", "", unit).translate({ord("²"): "^2", ord("µ"): "u", ord("μ"): "u"})
 
@@ -130,4 +130,4 @@ def units_differ(one: str, other: str) -> bool:
     (True, False, False, False)
     """
     known = all(unit and "1" not in unit.split("/") for unit in (one, other))
-    return known and join_unit(one) != join_unit(other)
+    return known and _join_unit(one) != _join_unit(other)

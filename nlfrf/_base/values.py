@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 # ---- A value on one line for a prompt.
 
-WIDTH, FEW = 160, 6  # characters of a line, numbers that are shown
+_WIDTH, _FEW = 160, 6  # characters of a line, numbers that are shown
 
 #: Type of a field that takes any sequence and holds an array, or None in a value of a kind that has none: a dataclass
 #: can declare one of them only, and who reads the field knows the kind.
 ArrayField = Any
 
 
-def repr_line(thing: DataclassInstance) -> str:
+def _repr_line(thing: DataclassInstance) -> str:
     """Return a value as it stands at a prompt: its type and fields, arrays by their shape.
 
     >>> from nlfrf._base.values import value
@@ -44,15 +44,15 @@ def repr_line(thing: DataclassInstance) -> str:
     >>> Tone(amplitude=np.ones((3, 100)), fs=10.0)
     Tone(amplitude=array(3, 100), fs=10.0)
     """
-    described = ", ".join(f"{field.name}={short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
-    described = described if len(described) <= WIDTH else described[: WIDTH - 3] + "..."
+    described = ", ".join(f"{field.name}={_short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
+    described = described if len(described) <= _WIDTH else described[: _WIDTH - 3] + "..."
     return f"{type(thing).__name__}({described})"
 
 
-def short_repr(thing: object) -> str:
+def _short_repr(thing: object) -> str:
     """Anything in a few characters."""
     if isinstance(thing, np.ndarray):
-        if thing.ndim <= 1 and thing.size <= FEW and thing.dtype.kind in "fiub":
+        if thing.ndim <= 1 and thing.size <= _FEW and thing.dtype.kind in "fiub":
             return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
         return f"array{thing.shape}" if thing.ndim != 1 else f"array({thing.size})"
     if is_dataclass(thing) and not isinstance(thing, type):
@@ -62,13 +62,13 @@ def short_repr(thing: object) -> str:
         return f"{type(thing).__name__}({thing.nstates} states{clock})"
     if isinstance(thing, np.generic):
         thing = thing.item()
-    if isinstance(thing, list | tuple) and len(thing) > FEW:
-        return f"{len(thing)} of {short_repr(thing[0])}"
+    if isinstance(thing, list | tuple) and len(thing) > _FEW:
+        return f"{len(thing)} of {_short_repr(thing[0])}"
     if isinstance(thing, list | tuple):
-        inner = ", ".join(map(short_repr, thing))
+        inner = ", ".join(map(_short_repr, thing))
         return f"[{inner}]" if isinstance(thing, list) else f"({inner}{',' * (len(thing) == 1)})"
     if isinstance(thing, dict):
-        return "{" + ", ".join(f"{key}: {short_repr(held)}" for key, held in list(thing.items())[:FEW]) + "}"
+        return "{" + ", ".join(f"{key}: {_short_repr(held)}" for key, held in list(thing.items())[:_FEW]) + "}"
     described = " ".join(repr(thing).split())
     return described if len(described) <= 60 else described[:57] + "..."
 
@@ -76,12 +76,12 @@ def short_repr(thing: object) -> str:
 SCREEN_WIDTH = 100  # columns of everything that is printed
 
 
-def wrap_lines(text: str) -> str:
+def _wrap_lines(text: str) -> str:
     """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
 
     A command to be copied ("run: ...") stays on its line.
 
-    >>> print(wrap_lines("  limits: " + "a word and " * 10))
+    >>> print(_wrap_lines("  limits: " + "a word and " * 10))
       limits: a word and a word and a word and a word and a word and a word and a word and a word and
         a word and a word and
     """
@@ -127,11 +127,11 @@ def value(
     ValueError: assignment destination is read-only
     """
     if cls is None:
-        return lambda c: value_class(c, kw_only, copy=copy, in_sentences=in_sentences)
-    return value_class(cls, kw_only, copy=copy, in_sentences=in_sentences)
+        return lambda c: _value_class(c, kw_only, copy=copy, in_sentences=in_sentences)
+    return _value_class(cls, kw_only, copy=copy, in_sentences=in_sentences)
 
 
-def value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) -> type[T]:
+def _value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 
@@ -148,13 +148,13 @@ def value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) 
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     if "__repr__" not in cls.__dict__:
-        cls.__repr__ = repr_line  # type: ignore[method-assign, assignment]
+        cls.__repr__ = _repr_line  # type: ignore[method-assign, assignment]
     if "__str__" in cls.__dict__ and not in_sentences:
         describe = cls.__str__
 
         @wraps(describe)
         def __str__(self: object) -> str:
-            return wrap_lines(describe(self))
+            return _wrap_lines(describe(self))
 
         cls.__str__ = __str__  # type: ignore[method-assign]
     return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
@@ -179,7 +179,7 @@ def field_names(thing: DataclassInstance | type[DataclassInstance]) -> tuple[str
 
 # ---- Any value of this project as JSON has it: fields, and properties that are a word or a number.
 
-SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
+_SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
 def to_json(thing: object, most: float = np.inf) -> str:
@@ -198,41 +198,41 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
     if isinstance(thing, Enum | np.generic):
         return to_plain(thing.value if isinstance(thing, Enum) else thing.item(), most)
     if thing is None or isinstance(thing, str | bool | int | float | complex):
-        return plain_scalar(thing)
+        return _plain_scalar(thing)
     if isinstance(thing, np.ndarray) and thing.size > most:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
         return [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
     if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
         return [to_plain(one, most) for one in thing]
-    if (named := named_parts(thing)) is not None:
+    if (named := _named_parts(thing)) is not None:
         return {name: to_plain(held, most) for name, held in named.items()}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
 
 
-def named_parts(thing: object) -> dict[str, object] | None:
+def _named_parts(thing: object) -> dict[str, object] | None:
     """Return entries, fields with simple properties, or matrices by name; None of what has no named parts."""
     if isinstance(thing, Mapping):
         return {str(key): held for key, held in thing.items()}
     if is_dataclass(thing):
-        return {name: getattr(thing, name) for name in field_names(thing)} | simple_properties(thing)
+        return {name: getattr(thing, name) for name in field_names(thing)} | _simple_properties(thing)
     names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
     return {name: getattr(thing, name) for name in names} if all(hasattr(thing, name) for name in names) else None
 
 
-def plain_scalar(thing: str | complex | None) -> Json:
+def _plain_scalar(thing: str | complex | None) -> Json:
     """Return a text, a truth or a number as JSON has it: complex ones as [re, im], what is not finite as null."""
     if isinstance(thing, complex):
-        return [plain_scalar(thing.real), plain_scalar(thing.imag)]
+        return [_plain_scalar(thing.real), _plain_scalar(thing.imag)]
     return None if isinstance(thing, float) and not np.isfinite(thing) else thing
 
 
-def simple_properties(thing: object) -> dict[str, object]:
+def _simple_properties(thing: object) -> dict[str, object]:
     """Return the properties of a value that are said to be a word, a truth or a number, by name."""
     found = {}
     for kind in reversed(type(thing).__mro__):
         for name, held in vars(kind).items():
             getter = held.fget if isinstance(held, property) and not name.startswith("_") else None
-            if getter is not None and getter.__annotations__.get("return") in SIMPLE_TYPES:
+            if getter is not None and getter.__annotations__.get("return") in _SIMPLE_TYPES:
                 found[name] = getattr(thing, name)
     return found

@@ -16,14 +16,14 @@ from nlfrf.rig.bench.drive import Drive
 from nlfrf.rig.bench.servo import ServoAxis
 
 #: Entry -> kind of quantity of a linear and of a rotary axis.
-AXIS_KINDS = {
+_AXIS_KINDS = {
     **dict.fromkeys(("motor_inertia", "load_inertia"), ("mass", "inertia")),
     **dict.fromkeys(("motor_damping", "load_damping", "damping"), ("linear damping", "rotary damping")),
     **dict.fromkeys(("stiffness", "spring"), ("linear stiffness", "rotary stiffness")),
     "resolution": ("length", "angle"),
 }
 #: Fields of an axis that no entry can hold.
-LAWS = ("motor_friction", "load_friction")
+_LAWS = ("motor_friction", "load_friction")
 
 
 def load_axis(path: str | os.PathLike[str]) -> ServoAxis:
@@ -51,7 +51,7 @@ def load_axis(path: str | os.PathLike[str]) -> ServoAxis:
         content: JsonObject = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"axis must be a TOML file, got {path.name!r}: {error}") from None
-    require_known(path.name, content, [one.name for one in fields(ServoAxis) if one.name not in LAWS])
+    require_known(path.name, content, [one.name for one in fields(ServoAxis) if one.name not in _LAWS])
     if missing := [name for name in ("motor_inertia", "drive") if name not in content]:
         raise ValueError(f"{path.name} must have an entry {missing[0]}, got none")
     drive = content.pop("drive")
@@ -59,7 +59,7 @@ def load_axis(path: str | os.PathLike[str]) -> ServoAxis:
         raise ValueError(f"drive must be a section [drive] of {path.name}, got {short_form(drive)}")
     rotary = content.get("motion") == "rotary"
     settings = read_drive_entries(f"[drive] of {path.name}", drive, position="rad" if rotary else "m")
-    for name, kinds in AXIS_KINDS.items():
+    for name, kinds in _AXIS_KINDS.items():
         if isinstance(content.get(name), str):
             content[name] = parse_quantity(name, kinds[rotary], content[name])
     return ServoAxis(drive=Drive(**settings), **content)

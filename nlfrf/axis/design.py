@@ -27,9 +27,9 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 #: A drive with a rough machine, alone or with a measured FRF in place of that of the machine; a record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
 #: Most error of a double pole at one by rounding, which is the root of that of the numbers.
-ROUNDING_OF_POLES = 1e-6
+_ROUNDING_OF_POLES = 1e-6
 #: Factor by which the crossover lies outside the band where it is warned of: closer, a model may still reach it.
-FAR = 2.0
+_FAR = 2.0
 
 
 def design_experiment(
@@ -110,11 +110,11 @@ def design_experiment(
     if strokes and not base_velocity:
         raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
     directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
-    wanted = wanted_force(source, ms)
+    wanted = _wanted_force(source, ms)
     if isinstance(source, ServoAxis):
-        warn_of_loop(source, wanted)
-    segments = Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
-    return experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
+        _warn_of_loop(source, wanted)
+    segments = _Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
+    return _experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 def design_ramp(
@@ -176,14 +176,14 @@ def design_ramp(
     n_levels = require_integer("n_levels", n_levels, least=4)
     if not require_positive("span", span) > 1:
         raise ValueError(f"span must be above 1, got {span:g}")
-    wanted = wanted_force(source, ms)
+    wanted = _wanted_force(source, ms)
     if wanted.n_realizations != 1:
         raise ValueError(f"ms must have one realisation, got {wanted.n_realizations}")
-    segments = Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
-    return experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
+    segments = _Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
+    return _experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
-class Segments(NamedTuple):
+class _Segments(NamedTuple):
     """Base velocity and amplitude of each segment (S,), the periods of each that are kept, and those before them."""
 
     velocities: np.ndarray
@@ -192,7 +192,7 @@ class Segments(NamedTuple):
     n_discard: int
 
 
-class Motion(NamedTuple):
+class _Motion(NamedTuple):
     """Peaks of force and velocity, and the travel."""
 
     force: float
@@ -200,7 +200,7 @@ class Motion(NamedTuple):
     travel: float
 
 
-def wanted_force(source: Source, ms: Multisine) -> Multisine:
+def _wanted_force(source: Source, ms: Multisine) -> Multisine:
     """Return the multisine that is wanted of the force, at an rms of one."""
     origin = source[0] if isinstance(source, tuple) else source
     require_kind("source", origin, ServoAxis, Record)
@@ -211,18 +211,18 @@ def wanted_force(source: Source, ms: Multisine) -> Multisine:
     return replace(ms, amplitude=ms.amplitude / ms.rms, hold="zoh")
 
 
-def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
+def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
     """Warn of a loop that is unstable, or of which the band and the period of the experiment show little."""
     drive = axis.drive
     gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} {drive.kp_unit} and tn = {drive.tn:g} s"
-    if np.abs(closed_loop_poles(axis)).max() > 1 + ROUNDING_OF_POLES:
+    if np.abs(closed_loop_poles(axis)).max() > 1 + _ROUNDING_OF_POLES:
         data_warning(
             f"the loop of this axis with {gains} is unstable without friction: peaks and set points computed here mean "
             "nothing. Look up the units of the gains, of torque_constant and of the inertia"
         )
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
-    if not first / FAR <= crossover <= last * FAR:
+    if not first / _FAR <= crossover <= last * _FAR:
         where = "nowhere" if np.isnan(crossover) else f"at {crossover:.3g} Hz"
         data_warning(
             f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to {last:g} Hz: a trace "
@@ -236,11 +236,11 @@ def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
         )
 
 
-def experiment_within(
+def _experiment_within(
     source: Source,
     wanted: Multisine,
     *,
-    segments: Segments,
+    segments: _Segments,
     port: str,
     rms: float | None,
     limits: AxisLimits | None,
@@ -275,8 +275,8 @@ def experiment_within(
             delay=drive.delay_periods / drive.fs,
             force_constant=source.force_constant,
         )
-    base, one = base_motion(source, draft), multisine_motion(draft)
-    level = level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
+    base, one = _base_motion(source, draft), _multisine_motion(draft)
+    level = _level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(
         draft,
         ms=replace(draft.ms, amplitude=level * draft.ms.amplitude),
@@ -286,7 +286,7 @@ def experiment_within(
     )
 
 
-def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motion:
+def _base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> _Motion:
     """What the base motion takes; its force by running the rough machine, or as the mean of a record in motion."""
     if isinstance(source, Record):
         force = float(np.abs(source.u.mean(axis=-1)).max())
@@ -295,10 +295,10 @@ def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motio
         force = float(np.abs(run(source, experiment.base[:n]).force_set).max())
     else:
         force = 0.0
-    return Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))
+    return _Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))
 
 
-def multisine_motion(experiment: AxisExperiment) -> Motion:
+def _multisine_motion(experiment: AxisExperiment) -> _Motion:
     """Return what the multisine at the port moves, the worst of its realisations."""
     ms, x = experiment.ms, experiment.position_response
 
@@ -306,12 +306,14 @@ def multisine_motion(experiment: AxisExperiment) -> Motion:
         return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u
 
     force, position, velocity = (behind(H) for H in (experiment.force_response, x, 2j * np.pi * ms.f * x))
-    return Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
+    return _Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
 
 
-def level_within(draft: AxisExperiment, base: Motion, *, one: Motion, limits: AxisLimits, rms: float | None) -> float:
+def _level_within(
+    draft: AxisExperiment, base: _Motion, *, one: _Motion, limits: AxisLimits, rms: float | None
+) -> float:
     """The level of the force set point: as given, or the largest that the limits allow; `one` is that of a level 1."""
-    units = Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
+    units = _Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
     taken, each = base._asdict(), one._asdict()
     left = {}
     for name, unit in units.items():

@@ -21,17 +21,19 @@ from nlfrf.records.record import Record
 from nlfrf.records.screening.input import clipped_share
 from nlfrf.signals.axis_experiment import AxisExperiment
 
-LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
-STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
-PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %
-STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
-PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
-SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
-SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
-MIN_STIFFNESS_SHARE = 0.5  # of the force on the lowest lines; with less the mass decides, and k is its correction
-RISES = 1.2  # stiffness over its plateau above which it rises with the level
-DRIFTS = 3.0  # slow over fast changes from period to period of a drift, 90 % of their power: what vibrates wanders, too
-CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
+_LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
+_STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
+_PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %
+_STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
+_PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
+_SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
+_SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
+_MIN_STIFFNESS_SHARE = 0.5  # of the force on the lowest lines; with less the mass decides, and k is its correction
+_RISES = 1.2  # stiffness over its plateau above which it rises with the level
+_DRIFTS = (
+    3.0  # slow over fast changes from period to period of a drift, 90 % of their power: what vibrates wanders, too
+)
+_CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
 
 
 class FrictionRegime(Enum):
@@ -116,14 +118,14 @@ class AxisLevels:
             numbers = (self.set_point_rms[k], self.force_rms[k], self.position_rms[k], self.stiffness[k])
             columns = "  ".join(f"{number:{width}.4g}" for number, width in zip(numbers, widths, strict=True))
             rows.append(f"{k + 1:5d}  {columns}  {state.value}")
-        taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, TAKEN, strict=False))
+        taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, _TAKEN, strict=False))
         if self.reason:
             return "\n".join([*rows, self.reason])
         rows.append("to ask for: a force of the designed spectrum that moves the axis as far as the measured one")
         return "\n".join([*rows, f"take, as rms of the force set point: {taken}"])
 
 
-TAKEN = ("sticks", "bends", "slides")
+_TAKEN = ("sticks", "bends", "slides")
 
 
 def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
@@ -173,14 +175,14 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}")
     records = [in_design_units(one, experiment) for one in records]
-    read = [read_level(one) for one in records]
+    read = [_read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
     position = np.array([one.position for one in read])
     units = (records[0].u_unit or experiment.force_unit, experiment.position_unit)
-    states, reason = judge_levels(read, units, experiment.gains)
-    chosen = [] if reason else choose_levels(states, stiffness)
+    states, reason = _judge_levels(read, units, experiment.gains)
+    chosen = [] if reason else _choose_levels(states, stiffness)
     shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
-    set_point = np.array([level_of_spectrum(record, shape) for record in records])
+    set_point = np.array([_level_of_spectrum(record, shape) for record in records])
     return AxisLevels(
         rms=set_point[chosen],
         records=tuple(records[k] for k in chosen),
@@ -194,7 +196,7 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     )
 
 
-class Level(NamedTuple):
+class _Level(NamedTuple):
     """What is read of one level.
 
     Rms of force and position, stiffness, its share of the force on the lowest lines and that of the damping, rms of the
@@ -215,22 +217,22 @@ class Level(NamedTuple):
     @property
     def readable(self) -> bool:
         """Whether the encoder resolves the motion, and the force is what was asked for."""
-        return not self.limited and self.steps > STEPS
+        return not self.limited and self.steps > _STEPS
 
 
-def read_level(record: Record) -> Level:
+def _read_level(record: Record) -> _Level:
     """Stiffness on the lowest lines by least squares of U = (k - m w^2 + j c w) Y, and how large the level is."""
     U, Y = (one[0].mean(axis=0) * 2 / record.n_samples for one in record_spectra(record)[:2])
     omega = 2 * np.pi * record.lines.excited * record.f0
-    low = slice(0, LOW_LINES)
+    low = slice(0, _LOW_LINES)
     columns = np.column_stack([Y, -(omega**2) * Y, 1j * omega * Y])[low]
     scale = np.linalg.norm(columns, axis=0)
     A = np.concatenate([columns.real, columns.imag]) / scale
     found = np.linalg.lstsq(A, np.concatenate([U[low].real, U[low].imag]), rcond=None)[0] / scale
     force, position = (float(np.sqrt(np.sum(squared_modulus(one)) / 2)) for one in (U, Y))
-    limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
+    limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > _CLIPPED
     share, _, damped = found * scale / np.linalg.norm(U[low])
-    return Level(
+    return _Level(
         force,
         position,
         float(found[0]),
@@ -238,11 +240,11 @@ def read_level(record: Record) -> Level:
         float(damped),
         position / (smallest_step(record.y) or np.inf),
         limited,
-        *changes_of_periods(record),
+        *_changes_of_periods(record),
     )
 
 
-def changes_of_periods(record: Record) -> tuple[float, float]:
+def _changes_of_periods(record: Record) -> tuple[float, float]:
     """Return the rms by which the position of a record (P, N) differs from its mean period, slow and fast.
 
     Slow is up to the lines that the stiffness is read from, as an axis drifts that creeps or has not settled; fast is
@@ -250,11 +252,11 @@ def changes_of_periods(record: Record) -> tuple[float, float]:
     """
     y = np.asarray(record.y)[0]
     power = 2 * squared_modulus(np.fft.rfft((y - y.mean(axis=0)).ravel()) / y.size)
-    first = y.shape[0] * int(record.lines.excited[:LOW_LINES][-1])
+    first = y.shape[0] * int(record.lines.excited[:_LOW_LINES][-1])
     return float(np.sqrt(power[:first].sum())), float(np.sqrt(power[first:].sum()))
 
 
-def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
+def _judge_levels(read: list[_Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
     """Return the state of each level, and why no three of them can be taken.
 
     gains : (S,) set point of each level; the lowest have no record where nothing moved.
@@ -265,12 +267,12 @@ def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -
     ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    held = held_levels(read, gains) if len(good) > 3 else 0
-    below = what_lies_below(read, units, gains, held) if len(good) > 3 else ""
-    if reason := reason_against_reading(read, units, below, held):
+    held = _held_levels(read, gains) if len(good) > 3 else 0
+    below = _what_lies_below(read, units, gains, held) if len(good) > 3 else ""
+    if reason := _reason_against_reading(read, units, below, held):
         return states, reason
     k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
-    first, last = plateau_of(k, position)
+    first, last = _plateau_of(k, position)
     if first == last:
         for i in good:
             states[i] = FrictionRegime.BENDS
@@ -278,12 +280,12 @@ def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
             f"{k[1]:.3g} {unit} on the lowest. {below}"
         )
-    return judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
+    return _judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
 
 
-def judge_breaking_away(
+def _judge_breaking_away(
     states: list[FrictionRegime],
-    read: list[Level],
+    read: list[_Level],
     good: list[int],
     *,
     k: np.ndarray,
@@ -294,14 +296,14 @@ def judge_breaking_away(
     force, unit_k = unit
     k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
-    settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
+    settled = abs(k[-1] - k[-2]) < _SETTLED * k0 and k_end < _STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
-        slides = settled and left <= SLIDES
+        slides = settled and left <= _SLIDES
         states[i] = (
-            FrictionRegime.STICKS if one >= STICKS * k0 else FrictionRegime.SLIDES if slides else FrictionRegime.BENDS
+            FrictionRegime.STICKS if one >= _STICKS * k0 else FrictionRegime.SLIDES if slides else FrictionRegime.BENDS
         )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
-    if k_end >= STICKS * k0:
+    if k_end >= _STICKS * k0:
         return states, (
             f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}. Raise level and limits"
         )
@@ -315,7 +317,7 @@ def judge_breaking_away(
     return states, ""
 
 
-def held_levels(read: list[Level], gains: np.ndarray) -> int:
+def _held_levels(read: list[_Level], gains: np.ndarray) -> int:
     """Return at how many levels below the lowest that can be read friction holds the axis.
 
     Nothing but friction holds an axis that moves less than its share of the motion at the highest level.
@@ -323,24 +325,24 @@ def held_levels(read: list[Level], gains: np.ndarray) -> int:
     first, missing = next(k for k, one in enumerate(read) if one.readable), gains.size - len(read)
     steps = np.append(np.zeros(missing), [one.steps for one in read])
     below = np.arange(gains.size) < missing + first
-    return int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
+    return int(np.count_nonzero(below & (2 * _STEPS * gains[-1] < read[-1].steps * gains) & (steps < _STEPS)))
 
 
-def what_lies_below(read: list[Level], units: tuple[str, str], gains: np.ndarray, held: int) -> str:
+def _what_lies_below(read: list[_Level], units: tuple[str, str], gains: np.ndarray, held: int) -> str:
     """Return what is known below the lowest level that can be read, and what shows more."""
     first = next(k for k, one in enumerate(read) if one.readable)
     lowest = f"{read[first].force:.3g} {units[0]} rms"
     finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
     if held:
         return (
-            f"At {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
-            f"{lowest} on it lets go. {finer}"
+            f"At {held} of {gains.size} levels friction holds the axis within {_STEPS:g} steps of the encoder, and "
+            f"from {lowest} on it lets go. {finer}"
         )
-    unresolved = gains.size - len(read) + first > 0 or read[first].steps < PLATEAU_SPAN * STEPS
+    unresolved = gains.size - len(read) + first > 0 or read[first].steps < _PLATEAU_SPAN * _STEPS
     return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
 
 
-def reason_against_reading(read: list[Level], units: tuple[str, str], below: str, held: int) -> str:
+def _reason_against_reading(read: list[_Level], units: tuple[str, str], below: str, held: int) -> str:
     """Return why the levels show no friction that falls with the level; empty where they may.
 
     below : what lies below the lowest. held : how many levels there friction holds.
@@ -350,21 +352,21 @@ def reason_against_reading(read: list[Level], units: tuple[str, str], below: str
         limited = sum(one.limited for one in read)
         return (
             f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+            f"than {_STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
         )
     k = np.array([one.stiffness for one in good])
     stiffest = int(np.argmax(k))
-    rises = stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]
-    if rises and not held and np.median([one.damping_share for one in good[:stiffest]]) > MIN_STIFFNESS_SHARE:
+    rises = stiffest > 1 and _RISES * np.median(k[:stiffest]) < k[stiffest]
+    if rises and not held and np.median([one.damping_share for one in good[:stiffest]]) > _MIN_STIFFNESS_SHARE:
         damps = f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not hold it"
         drift, vibration = np.median([(one.drift, one.vibration) for one in good[:stiffest]], axis=0)
-        if drift > DRIFTS * vibration:
+        if drift > _DRIFTS * vibration:
             return (
                 f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period, as where it creeps "
                 "or an integral part still winds up. Let it settle before each level: raise --discard"
             )
         return f"{damps}, as where the axis vibrates by itself. Look for the vibration, and end it by lower gains"
-    if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
+    if not any(one.stiffness_share > _MIN_STIFFNESS_SHARE for one in good):
         least = f"{good[0].force:.3g} {units[0]} rms"
         return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"
     if rises:
@@ -376,21 +378,21 @@ def reason_against_reading(read: list[Level], units: tuple[str, str], below: str
     return ""
 
 
-def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
+def _plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
     """First level, and the one behind the last, of the longest run of one stiffness over a sufficient range."""
     best = (0, 0)
     for first in range(k.size):
         last = first + 1
-        while last < k.size and abs(k[last] / np.median(k[first:last]) - 1) < PLATEAU:
+        while last < k.size and abs(k[last] / np.median(k[first:last]) - 1) < _PLATEAU:
             last += 1
-        wide = position[last - 1] >= PLATEAU_SPAN * position[first]
+        wide = position[last - 1] >= _PLATEAU_SPAN * position[first]
         stiff = k[first] > k.max() / 2  # sliding axes have a plateau, too
         if wide and stiff and last - first > best[1] - best[0]:
             best = (first, last)
     return best
 
 
-def choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[int]:
+def _choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[int]:
     """Return a level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
     sticks, bends, slides = (
         [k for k, one in enumerate(states) if one is wanted]
@@ -400,7 +402,7 @@ def choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[i
     return [sticks[max(len(sticks) - 2, 0)], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]
 
 
-def level_of_spectrum(record: Record, shape: np.ndarray) -> float:
+def _level_of_spectrum(record: Record, shape: np.ndarray) -> float:
     """Return the rms of a force of a given spectrum (F,), of rms one, that moves the axis as far as a record does."""
     U, Y, _ = (np.atleast_2d(one[0].mean(axis=0)) for one in record_spectra(record))
     moved = np.sum(squared_modulus(Y)) * 2 / record.n_samples**2

@@ -30,7 +30,7 @@ def drive_loop(
         Another source; a record without reference; lines outside what was measured.
     """
     if isinstance(source, ServoAxis):
-        G = plant_frf(source, f) if plant is None else interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
+        G = plant_frf(source, f) if plant is None else _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
         force = port_frf(source, G, port=port, f=f)
         return force, G * force
     if not isinstance(source, Record):
@@ -41,7 +41,7 @@ def drive_loop(
     f_record = source.lines.excited * source.f0
     Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # its reference is in m or rad
     force, position = (
-        interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
+        _interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
         for one in (U.mean(axis=1), Y.mean(axis=1))
     )
     return force, position
@@ -55,7 +55,7 @@ def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return U, Y, R.mean(axis=1)
 
 
-def interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: str) -> np.ndarray:
+def _interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: str) -> np.ndarray:
     """H at the frequencies f, by straight lines through its logarithm."""
     if f[0] < known[0] * (1 - 1e-9) or f[-1] > known[-1] * (1 + 1e-9):
         raise ValueError(
@@ -68,13 +68,13 @@ def interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: st
 
 def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
     """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current lag included."""
-    Phi, early, late, C = sampled_plant(axis)
+    Phi, early, late, C = _sampled_plant(axis)
     z, whole = np.exp(2j * np.pi * f / axis.drive.fs), int(axis.drive.delay_periods)
     inputs = np.outer(z ** -(whole + 1.0), early) + np.outer(z ** -float(whole), late)
     return np.array([C @ np.linalg.solve(one * np.eye(C.size) - Phi, b) for one, b in zip(z, inputs, strict=True)])
 
 
-def sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return Phi (n, n), the inputs (n,) for the force set points of whole + 1 and of whole periods ago, and C (n,).
 
     The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
@@ -109,7 +109,7 @@ def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
     The loop is one linear map of what drive and machine remember. The map is put together by the steps that the
     compiled drive takes, on all unit vectors together.
     """
-    Phi, early, late, C = sampled_plant(axis)
+    Phi, early, late, C = _sampled_plant(axis)
     drive, sections = axis.drive, axis.drive.sections
     Ts, whole = 1 / drive.fs, int(drive.delay_periods)
     # rows: machine, set points of the last whole + 1 periods, last reading, speed, integral, position loop, filters

@@ -82,10 +82,10 @@ def play_experiment(
         raise ValueError(f"out must end in .csv, got {out.name!r}")
     require_writable(out)
     file = read_channels(to_path(path))
-    require_designed_gains(axis, to_path(path))
+    _require_designed_gains(axis, to_path(path))
     position, force = axis.units
     units = dict(zip(PORTS, (force, f"{position}/s", position), strict=True))
-    played = {port: set_point(file, port, units[port]) for port in PORTS}
+    played = {port: _set_point(file, port, units[port]) for port in PORTS}
     given = [port for port, signal in played.items() if signal is not None]
     if not given:
         raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
@@ -97,7 +97,7 @@ def play_experiment(
         {"force": played["force"], "velocity": played["velocity"], "position": played["position"]},
         oversampling=oversampling,
     )
-    n = stop_sample(trace, AxisLimits() if limits is None else limits)
+    n = _stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(
             "limits must be above what the axis does in its first period, got limits that are passed there"
@@ -116,7 +116,7 @@ def play_experiment(
     return trace
 
 
-def require_designed_gains(axis: ServoAxis, path: Path) -> None:
+def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
     """Refuse a drive whose gains are not those of the design beside the file: the force would be another one."""
     found = [
         one for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem))) if one.with_suffix(".npz").is_file()
@@ -143,7 +143,7 @@ def require_designed_gains(axis: ServoAxis, path: Path) -> None:
         )
 
 
-def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
+def _set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
     """Return the set points of a port, None where the file has none; refused in another unit."""
     full = file.full_name(port)
     if full not in file.arrays:
@@ -153,7 +153,7 @@ def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
     return file.signal(port, port)
 
 
-def stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
+def _stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
     """Return how many samples pass before a limit is."""
     require_kind("limits", limits, AxisLimits)
     way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)

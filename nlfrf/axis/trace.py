@@ -26,24 +26,26 @@ from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.axis_experiment import AxisExperiment
 
 #: Units that no force has: a channel that carries one is a position, a velocity or an acceleration.
-MOTION_UNITS = (
+_MOTION_UNITS = (
     *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
-SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
-OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
-MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
-PERIODIC = 0.01  # share of the power of u that stands on the excited lines at least, encoder noise and all
-UNIT_FACTOR = 5.0  # against the design on the upper lines: N for A, m for mm, Nm for kgf m; not a stuck axis
-FACTOR = 2.0  # largest between force reached and designed, and between periods, that is not warned of
-START = 0.1  # of a period by which phases may look late: sticking friction that the design does not know does that
-AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
-TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
-UPPER_SHARE = 1 / 3  # of the lines that count as upper
-SIMILAR = 1.5  # largest ratio of the factors of force and position that counts as one, as another drive makes it
-LITTLE = 0.1  # share of the base motion below which an axis was at rest
-OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
-TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
+_SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
+_OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
+_MIN_LIKENESS = (
+    0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
+)
+_PERIODIC = 0.01  # share of the power of u that stands on the excited lines at least, encoder noise and all
+_UNIT_FACTOR = 5.0  # against the design on the upper lines: N for A, m for mm, Nm for kgf m; not a stuck axis
+_FACTOR = 2.0  # largest between force reached and designed, and between periods, that is not warned of
+_START = 0.1  # of a period by which phases may look late: sticking friction that the design does not know does that
+_AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
+_TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
+_UPPER_SHARE = 1 / 3  # of the lines that count as upper
+_SIMILAR = 1.5  # largest ratio of the factors of force and position that counts as one, as another drive makes it
+_LITTLE = 0.1  # share of the base motion below which an axis was at rest
+_OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
+_TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
 
 
 class LevelWarning(DataWarning):
@@ -136,18 +138,18 @@ def load_trace(
         experiment = load_experiment(experiment)
     require_kind("experiment", experiment, AxisExperiment)
     start = require_real("start", start)
-    runs = [read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]
+    runs = [_read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]
     if len(runs) != experiment.ms.n_realizations:
         raise ValueError(f"path must be one trace a realisation, {experiment.ms.n_realizations}, got {len(runs)}")
-    return records_of_runs(runs, experiment, start)
+    return _records_of_runs(runs, experiment, start)
 
 
-def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
+def _records_of_runs(runs: list[_Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
     """Return the records of traces, after a look at what they hold."""
     fs = runs[0].fs
     N = design_period(experiment.ms, fs)
-    require_fast_trace(experiment, fs, N)
-    cut = [cut_run(run, experiment, N=N, start=start) for run in runs]
+    _require_fast_trace(experiment, fs, N)
+    cut = [_cut_run(run, experiment, N=N, start=start) for run in runs]
     labels = [label for label in experiment.groups if all(label in one for one in cut)]
     if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
         raise ValueError(
@@ -155,23 +157,23 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
             f"{min(run.u.size for run in runs) / fs:g} s: is fs right?"
         )
     drawn = experiment.ms.sampled(N)
-    order = match_realizations([one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited)
-    records = join_periods(cut, labels, order=order, drawn=drawn, experiment=experiment, run=runs[0])
+    order = _match_realizations([one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited)
+    records = _join_periods(cut, labels, order=order, drawn=drawn, experiment=experiment, run=runs[0])
     if not records:
         raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
     off = {label: max((one[label].drift for one in cut), key=abs) for label in labels}
-    examine_records([in_design_units(record, experiment) for record in records], labels, experiment, off)
+    _examine_records([in_design_units(record, experiment) for record in records], labels, experiment, off)
     return tuple(records)
 
 
-def join_periods(
-    cut: list[dict[str, Periods]],
+def _join_periods(
+    cut: list[dict[str, _Periods]],
     labels: list[str],
     *,
     order: list[int],
     drawn: np.ndarray,
     experiment: AxisExperiment,
-    run: Run,
+    run: _Run,
 ) -> list[Record]:
     """Return a record a label, its realisations in their order; a level of a ramp that does not move has none."""
     hold = "zoh" if experiment.ms.n_samples == drawn.shape[1] else "unknown"
@@ -187,20 +189,20 @@ def join_periods(
     return records
 
 
-def examine_records(
+def _examine_records(
     records: list[Record], labels: list[str], experiment: AxisExperiment, off: dict[str, float]
 ) -> None:
     """Refuse or warn of what makes records others than their design, in its units; off: of the base velocity."""
     alone = experiment.is_ramp  # its levels differ by design
     for label, record in () if alone else zip(labels, records, strict=True):
-        require_even_periods(record)
-        examine_motion(experiment, label, record=record, off=off[label])
-    if examine_trace(experiment, records[-1]) and not alone:
+        _require_even_periods(record)
+        _examine_motion(experiment, label, record=record, off=off[label])
+    if _examine_trace(experiment, records[-1]) and not alone:
         for label, record in zip(labels, records, strict=True):
-            warn_of_other_level(experiment, label, record)
+            _warn_of_other_level(experiment, label, record)
 
 
-def unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:
+def _unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:
     """Return how many units of a design one unit is, and one if there is none; nan where it cannot be converted.
 
     known : base unit and factor of the units there are. constant : the force that one A makes.
@@ -211,8 +213,8 @@ def unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], co
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
     """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is."""
-    u = unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.force_constant)
-    y = unit_ratio(record.y_unit, experiment.position_unit, POSITIONS)
+    u = _unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.force_constant)
+    y = _unit_ratio(record.y_unit, experiment.position_unit, POSITIONS)
     return replace(
         record,
         u=np.nan_to_num(u, nan=1.0) * record.u,
@@ -222,7 +224,7 @@ def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
     )
 
 
-class Run(NamedTuple):
+class _Run(NamedTuple):
     """One trace: force set point and position (n,), sampling frequency [Hz], names and units."""
 
     u: np.ndarray
@@ -231,7 +233,7 @@ class Run(NamedTuple):
     labels: SignalLabels
 
 
-class Periods(NamedTuple):
+class _Periods(NamedTuple):
     """Kept periods (P, N) of force set point and position, and by how much the base velocity is off, relative."""
 
     u: np.ndarray
@@ -239,11 +241,11 @@ class Periods(NamedTuple):
     drift: float
 
 
-def read_run(file: Channels, u: str, *, y: str, fs: float | None) -> Run:
+def _read_run(file: Channels, u: str, *, y: str, fs: float | None) -> _Run:
     """Return the two channels of a file; a force in a unit of motion is refused."""
-    run = Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
+    run = _Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
     unit = run.labels["u_unit"]
-    if unit in MOTION_UNITS:
+    if unit in _MOTION_UNITS:
         raise ValueError(
             f"u must be the force, torque or current set point behind the loops, got {u!r} in {unit}: "
             "trace that channel, not a set point of motion"
@@ -256,7 +258,7 @@ def read_run(file: Channels, u: str, *, y: str, fs: float | None) -> Run:
     return run
 
 
-def require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
+def _require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
     """Refuse a trace that is too slow for the lines, and warn of one that is slower than the drive."""
     ms = experiment.ms
     if 2 * ms.lines.excited[-1] >= N:
@@ -268,14 +270,14 @@ def require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
         )
 
 
-def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> dict[str, Periods]:
+def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> dict[str, _Periods]:
     """The kept periods of each group that the trace reaches, the base motion and the rest of its trend taken off."""
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
-    scale = 1 / np.nan_to_num(unit_ratio(run.labels["y_unit"], experiment.position_unit, POSITIONS), nan=1.0)
+    scale = 1 / np.nan_to_num(_unit_ratio(run.labels["y_unit"], experiment.position_unit, POSITIONS), nan=1.0)
     base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
-    require_same_motion(run, experiment, base=base, N=N, travel=scale * experiment.travel)
+    _require_same_motion(run, experiment, base=base, N=N, travel=scale * experiment.travel)
     found = {}
     for label, segments in experiment.groups.items():
         u, y, drifts = [], [], []
@@ -294,11 +296,11 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
                 drifts.append(slope * run.fs / velocity)
             y.append(way - way.mean())
         if u:
-            found[label] = Periods(np.concatenate(u), np.concatenate(y), max(drifts, key=abs, default=0.0))
+            found[label] = _Periods(np.concatenate(u), np.concatenate(y), max(drifts, key=abs, default=0.0))
     return found
 
 
-def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float) -> None:
+def _require_same_motion(run: _Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float) -> None:
     """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in motion.
 
     At rest the position repeats itself. In motion it moves on by more than it swings, as the multisine is slower.
@@ -307,7 +309,7 @@ def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarra
     velocity = float(np.abs(experiment.velocities).max())
     if velocity:
         moved, size = float(np.ptp(run.y)), "in all"
-        same = moved > LITTLE * np.ptp(base)
+        same = moved > _LITTLE * np.ptp(base)
     else:
         periods = run.y[: min(run.y.size, experiment.n_rows) // N * N].reshape(-1, N)
         steps = np.diff(periods, axis=0).mean(axis=1)
@@ -339,15 +341,15 @@ def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
     return float(sum(abs(steps[widths == one].sum()) for one in np.unique(widths)) / steps.size)
 
 
-def match_realizations(parts: list[Periods], drawn: np.ndarray, lines: np.ndarray) -> list[int]:
+def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndarray) -> list[int]:
     """Which trace answers each realisation; refused where one has none."""
     U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
     found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
     total = np.array([np.mean((one.u - one.u.mean(axis=1, keepdims=True)) ** 2) for one in parts])
-    found = found * (2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > PERIODIC * total)
+    found = found * (2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > _PERIODIC * total)
     order = [int(m) for m in found.argmax(axis=1)]
     for m, likely in enumerate(found.max(axis=1)):
-        if not likely > MIN_LIKENESS or len(set(order)) < len(order):
+        if not likely > _MIN_LIKENESS or len(set(order)) < len(order):
             raise ValueError(
                 f"path must be the trace of what was played, got a force that follows realisation {m + 1} to "
                 f"{100 * likely:.0f} % (100: smoothly over all lines): is it this file, its clock, its start?"
@@ -355,14 +357,14 @@ def match_realizations(parts: list[Periods], drawn: np.ndarray, lines: np.ndarra
     return order
 
 
-def same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> float:
+def _same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> float:
     """Share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
     delays = np.exp(-2j * np.pi * np.outer(np.arange(-4, 5), lines) / N)
     gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(squared_modulus(R))
     return float(1 - gain / np.sum(squared_modulus(A)))
 
 
-def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
+def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     """Return whether force and position are as the design expects, but for friction.
 
     Refuses set points in place of what was measured; warns of a limit, a wrong sign, another size than expected.
@@ -374,17 +376,17 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
         ("y", Y, experiment.position_response, "trace the actual position"),
     ):
         if (
-            same_signal(A[0], R[0], lines=lines, N=N) < SAME_SIGNAL
-            and same_signal(expected * R[0], R[0], lines=lines, N=N) > OTHER_SIGNAL
+            _same_signal(A[0], R[0], lines=lines, N=N) < _SAME_SIGNAL
+            and _same_signal(expected * R[0], R[0], lines=lines, N=N) > _OTHER_SIGNAL
         ):
             raise ValueError(f"{name} must be measured in the loop, got the multisine that was played: {cure}")
     warn_about_channel("u", np.ascontiguousarray(record.u[0]).ravel(), N)
-    require_start(U / R / experiment.force_response, record)
-    upper = slice(-max(int(UPPER_SHARE * lines.size), 3), None)
+    _require_start(U / R / experiment.force_response, record)
+    upper = slice(-max(int(_UPPER_SHARE * lines.size), 3), None)
     ratios = {"u": (U / R / experiment.force_response)[:, upper], "y": (Y / R / experiment.position_response)[:, upper]}
     means = {name: np.mean(one / np.abs(one)) for name, one in ratios.items()}
-    turns = {name: float(np.degrees(np.angle(one))) * (abs(one) > AGREE) for name, one in means.items()}
-    if all(abs(turn) > TURNED for turn in turns.values()):
+    turns = {name: float(np.degrees(np.angle(one))) * (abs(one) > _AGREE) for name, one in means.items()}
+    if all(abs(turn) > _TURNED for turn in turns.values()):
         raise ValueError(
             "path must begin with what was played, or start say when it begins, got u and y with the other sign, as of "
             "half a period"
@@ -392,13 +394,13 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
     gains = {name: float(np.median(np.abs(one))) for name, one in ratios.items()}
     other = f"a drive with another velocity feedforward or other gains (assumed: {experiment.drive})"
-    similar = 1 / SIMILAR < gains["u"] / gains["y"] < SIMILAR and abs(turns["u"] - turns["y"]) < 180 - TURNED
+    similar = 1 / _SIMILAR < gains["u"] / gains["y"] < _SIMILAR and abs(turns["u"] - turns["y"]) < 180 - _TURNED
     found = True
     for name, turn in turns.items():
         gain, (designed, traced) = gains[name], units[name]
-        if abs(turn) > TURNED:
+        if abs(turn) > _TURNED:
             data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
-        elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / UNIT_FACTOR < gain < UNIT_FACTOR):
+        elif abs(turn) > 180 - _TURNED or (traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR):
             first = f"is it {other}, as u and y are off by one factor" if similar else f"is it another signal, {other}"
             data_warning(
                 f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
@@ -410,10 +412,10 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     return found
 
 
-def require_even_periods(record: Record) -> None:
+def _require_even_periods(record: Record) -> None:
     """Refuse periods of very different size: of them some are none of those that were to be kept."""
     size = np.sum(squared_modulus(rfft_at(record.u, record.lines.excited)), axis=2).min(axis=0)
-    if size.min() * FACTOR**2 < size.max():
+    if size.min() * _FACTOR**2 < size.max():
         first, last = np.sqrt(2 * size[[size.argmin(), size.argmax()]]) / record.n_samples
         raise ValueError(
             f"path must begin with what was played, or start say when it begins, got a force of {first:.2g} to "
@@ -421,7 +423,7 @@ def require_even_periods(record: Record) -> None:
         )
 
 
-def require_start(ratio: np.ndarray, record: Record) -> None:
+def _require_start(ratio: np.ndarray, record: Record) -> None:
     """Refuse a force whose phases, against the design (M, F), are those of a trace that begins somewhere else."""
     N = record.n_samples
     spectrum = np.zeros(N // 2 + 1, dtype=complex)
@@ -429,22 +431,25 @@ def require_start(ratio: np.ndarray, record: Record) -> None:
     agreement = (
         np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
     )  # 1: all lines agree on that delay
-    late, near, half = int(np.argmax(agreement)), max(int(START * N), 1), N // 2
+    late, near, half = int(np.argmax(agreement)), max(int(_START * N), 1), N // 2
     late = (late + half // 2) % half - half // 2  # over half a period odd lines repeat with the other sign
-    if agreement[late] > AGREE and max(agreement[: near + 1].max(), agreement[-near:].max()) < AGREE * agreement[late]:
+    if (
+        agreement[late] > _AGREE
+        and max(agreement[: near + 1].max(), agreement[-near:].max()) < _AGREE * agreement[late]
+    ):
         raise ValueError(
             "path must begin with what was played, or start say when it begins, got a force that is "
             f"{late / record.fs:.3g} s late, give or take half periods"
         )
 
 
-def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
+def _warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
     """Warn of a force far from the designed one: the loop is not the one that the design took."""
     if record.u_unit not in ("", experiment.force_unit):
         return
     U = rfft_at(record.u.mean(axis=1), record.lines.excited) * 2 / record.n_samples
     reached = float(np.sqrt(np.mean(np.sum(squared_modulus(U), axis=1)) / 2))
-    if not 1 / FACTOR < reached / experiment.rms < FACTOR:
+    if not 1 / _FACTOR < reached / experiment.rms < _FACTOR:
         data_warning(
             f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not {experiment.rms:.3g} as designed: "
             "friction, another machine, or a drive with another velocity feedforward or other gains "
@@ -453,23 +458,23 @@ def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) 
         )
 
 
-def examine_motion(experiment: AxisExperiment, label: str, *, record: Record, off: float) -> None:
+def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, off: float) -> None:
     """Refuse a base motion at another velocity, and warn of an axis that turns back in it."""
     velocity = float(experiment.velocities[experiment.groups[label][0]])
     if not velocity:
         return
     moved = f"{(1 + off) * velocity:.3g}"
-    if abs(off) > OFF_VELOCITY:
+    if abs(off) > _OFF_VELOCITY:
         cure = f"is y the actual position in {experiment.position_unit}, and start right?"
         raise ValueError(
             f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as the file does, got {moved}: "
-            + ("turn its sign" if abs(off + 2) < OFF_VELOCITY else cure)
+            + ("turn its sign" if abs(off + 2) < _OFF_VELOCITY else cure)
         )
     lines, N = record.lines.excited, record.n_samples
     spectrum = np.zeros((record.n_realizations, N // 2 + 1), dtype=complex)
     spectrum[:, lines] = 2j * np.pi * lines * record.f0 * rfft_at(record.y.mean(axis=1), lines)
     back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))
-    if back > TURNED_BACK:
+    if back > _TURNED_BACK:
         data_warning(
             f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide all the time. "
             "Raise base_velocity, or lower the level"

@@ -32,9 +32,9 @@ from nlfrf.signals.lines import LineGrid, local_mean
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
 #: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
 #: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.
-SMOOTH_SHARE = {"roughness": 0.25}
-COVARIANCES = ("noise", "total", "distortion", "even", "bound")
-PER_LINE = ("f", "dof", "grid_factor", "coherence")
+_SMOOTH_SHARE = {"roughness": 0.25}
+_COVARIANCES = ("noise", "total", "distortion", "even", "bound")
+_PER_LINE = ("f", "dof", "grid_factor", "coherence")
 
 
 @value
@@ -116,7 +116,7 @@ class Covariances:
 
     def map(self, change: Callable[[np.ndarray], np.ndarray]) -> Covariances:
         """Return them with each covariance changed, `gamma` as it is."""
-        return replace(self, **{name: change(getattr(self, name)) for name in COVARIANCES})
+        return replace(self, **{name: change(getattr(self, name)) for name in _COVARIANCES})
 
 
 @value
@@ -228,7 +228,7 @@ class Bla(Channels):
             held["coherence"] = freeze_array(np.full(F, np.nan))
         self._name_channels((n_u, n_y), (self.inputs, self.outputs), (self.input_units, self.output_units))
         shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F)}
-        shapes |= dict.fromkeys(PER_LINE, (F,)) | dict.fromkeys(COVARIANCES, (n_y, n_y, F)) | {"gamma": (n_u, n_u, F)}
+        shapes |= dict.fromkeys(_PER_LINE, (F,)) | dict.fromkeys(_COVARIANCES, (n_y, n_y, F)) | {"gamma": (n_u, n_u, F)}
         for name, shape in shapes.items():
             array = getattr(self if name in held else self.cov, name)
             if array.shape != shape or array.dtype.kind not in "fiuc":
@@ -307,7 +307,7 @@ class Bla(Channels):
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
-        missing = SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW_LINES else 0.0
+        missing = _SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW_LINES else 0.0
         new = (self.experiment.n_realizations + missing) * self.typical
         share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
         return self.cov.bound * (1 + share[:, None] * share)
@@ -463,7 +463,7 @@ class Bla(Channels):
             for one in ((self.levels,) if self.is_single else self.levels)
         ]
         lines = replace(self.lines, excited=self.lines.excited[some])
-        kept = {name: getattr(self, name)[..., some] for name in ("G", *PER_LINE)}
+        kept = {name: getattr(self, name)[..., some] for name in ("G", *_PER_LINE)}
         return replace(self, lines=lines, cov=cov, levels=levels[0] if self.is_single else tuple(levels), **kept)
 
     def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
@@ -533,7 +533,7 @@ class Bla(Channels):
     def __str__(self) -> str:
         """Describe the result in a few lines."""
         if not self.is_single:
-            return describe_matrix(self)
+            return _describe_matrix(self)
         about = (
             f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.experiment.grid} grid, "
             f"M = {self.experiment.n_realizations}, P = {self.experiment.n_periods}\n"
@@ -622,7 +622,7 @@ def levels_without_detection(f: np.ndarray, excited: np.ndarray) -> DistortionLe
     )
 
 
-def describe_matrix(bla: Bla) -> str:
+def _describe_matrix(bla: Bla) -> str:
     """Describe each entry of the matrix in one line."""
     gain, made = np.abs(bla.G), bla.experiment
     rows = [
@@ -631,9 +631,9 @@ def describe_matrix(bla: Bla) -> str:
         f"P = {made.n_periods}"
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative = median_over_lines(bla.bound() / gain)
-        distortion = 10 * np.log10(median_over_lines(bla.var_distortion / gain**2))
-        noise = 10 * np.log10(median_over_lines(made.n_realizations * bla.var_noise / gain**2))
+        relative = _median_over_lines(bla.bound() / gain)
+        distortion = 10 * np.log10(_median_over_lines(bla.var_distortion / gain**2))
+        noise = 10 * np.log10(_median_over_lines(made.n_realizations * bla.var_noise / gain**2))
     has_noise = np.isfinite(bla.var_noise).any()  # which a single period does not show
     for j, out in enumerate(bla.outputs):
         for i, name in enumerate(bla.inputs):
@@ -649,6 +649,6 @@ def describe_matrix(bla: Bla) -> str:
     return "\n".join(rows)
 
 
-def median_over_lines(share: np.ndarray) -> np.ndarray:
+def _median_over_lines(share: np.ndarray) -> np.ndarray:
     """Return the (n_y, n_u) median over lines of shares of |G|, 0 / 0 counted as 0."""
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))

@@ -19,14 +19,14 @@ MAX_SPECIAL_ODD_RATIO = 3.0  # what a special-odd grid reaches in a narrow band:
 COHERENT_SHARE = 8 / 3
 #: Lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies.
 FEW_LINES = 27
-MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
-MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
-NO_SCATTER = 1e-12  # of the squared gain of a cubic, below which its scatter is rounding
-MIN_RATIO_ON_FEW_LINES, MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
+_MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
+_MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
+_NO_SCATTER = 1e-12  # of the squared gain of a cubic, below which its scatter is rounding
+_MIN_RATIO_ON_FEW_LINES, _MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
 #: Of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one.
-HIGHER_ORDER_ALLOWANCE = 1.25
+_HIGHER_ORDER_ALLOWANCE = 1.25
 #: Lines of all realisations past which they distort alike, within 17 %, unless their peaks are low.
-ENOUGH_AMPLITUDES = 500
+_ENOUGH_AMPLITUDES = 500
 
 
 def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -112,8 +112,8 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
 
     Low-crest signals excite less distortion. A low crest factor is either luck or the result of optimisation; both
     bias the level low. For a cubic the ratio is known exactly. With few lines, or a crest factor lower than usual, its
-    square allows for a fifth power. The ratio is clipped at `MAX_DISTORTION_RATIO`, the share at `MAX_COHERENT_SHARE`:
-    behind dynamics the crest factor is another, and a nearly square input would ask for a factor without bound.
+    square allows for a fifth power. The ratio is clipped at `_MAX_DISTORTION_RATIO`, the share at
+    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is another, and a nearly square input would ask for a factor without bound.
 
     Parameters
     ----------
@@ -144,32 +144,32 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     """
     n, n_lines = U.shape
     chance, few = COHERENT_SHARE / n_lines, n_lines < FEW_LINES
-    if U.size > ENOUGH_AMPLITUDES and not low:
+    if U.size > _ENOUGH_AMPLITUDES and not low:
         return 1.0, chance
-    ratio, gap = cubic_distortion_ratio(U, lines)
+    ratio, gap = _cubic_distortion_ratio(U, lines)
     typical = ratio * ratio if few or low else ratio
     typical = (
-        min(max(typical, MIN_RATIO_ON_FEW_LINES), MAX_RATIO_ON_FEW_LINES)
+        min(max(typical, _MIN_RATIO_ON_FEW_LINES), _MAX_RATIO_ON_FEW_LINES)
         if few
-        else min(max(typical, 1.0), MAX_DISTORTION_RATIO)
+        else min(max(typical, 1.0), _MAX_DISTORTION_RATIO)
     )
     if not (few and n == 1) and not low:
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
-    if whole <= NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple falls on
-        return typical, MAX_COHERENT_SHARE
-    common = HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
-    return typical, common if few and n == 1 else min(max(common, chance), MAX_COHERENT_SHARE)
+    if whole <= _NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple falls on
+        return typical, _MAX_COHERENT_SHARE
+    common = _HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
+    return typical, common if few and n == 1 else min(max(common, chance), _MAX_COHERENT_SHARE)
 
 
-def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+def _cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     """Return the distortion power of u^3 expected of random phases over that of an input (M, F), and a gain difference.
 
     The second is the gain of the linear part of u^3, mean u^4 over mean u^2, less its expectation. The expectations
     are exact, by the cumulants of a sum of cosines of independent phases: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
     """
-    second, fourth, sixth = signal_moments(U, lines)
+    second, fourth, sixth = _signal_moments(U, lines)
     gain = fourth / second
     left = float(np.add.reduce(sixth - fourth * gain)) / len(U)
     A2 = np.add.reduce(squared_modulus(U)) / len(U)
@@ -179,7 +179,7 @@ def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, flo
     return expected / max(left, TINY), float(np.add.reduce(gain)) / len(U) - expected_gain
 
 
-def signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the (3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
     n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)

@@ -21,14 +21,14 @@ from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
 #: Standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance.
-MIN_SIGNIFICANCE, FEW_LINES_WIDENING = 4.0, 10.0
+_MIN_SIGNIFICANCE, _FEW_LINES_WIDENING = 4.0, 10.0
 #: Error by it over the variance of G from which to warn: the bound then holds 91 % instead of 95 %.
-MIN_RELATIVE_ERROR = 0.25
-MAX_LINE_WEIGHT = 3.0  # times the usual line that one may weigh
+_MIN_RELATIVE_ERROR = 0.25
+_MAX_LINE_WEIGHT = 3.0  # times the usual line that one may weigh
 
 #: Of the weight of a line in the most telling experiment, under which a channel was not played.
-MIN_EXPERIMENT_WEIGHT = 1e-9
-RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
+_MIN_EXPERIMENT_WEIGHT = 1e-9
+_RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
 
 
 Mismatch = tuple[float, int, str, str]  # significance, experiment, name of the channel, what is said of it
@@ -48,11 +48,11 @@ def warn_of_mismatch(
     """
     if excited.U.shape[1] < 2:
         return False
-    found = sorted(estimate_mismatches(record, excited, residual=residual, level=level, retained=retained))[::-1]
+    found = sorted(_estimate_mismatches(record, excited, residual=residual, level=level, retained=retained))[::-1]
     significance, experiment, name, text = found[0]
-    if significance <= MIN_SIGNIFICANCE:
+    if significance <= _MIN_SIGNIFICANCE:
         return False
-    least = max(MIN_SIGNIFICANCE, RIVAL_SHARE * significance)
+    least = max(_MIN_SIGNIFICANCE, _RIVAL_SHARE * significance)
     others = " or ".join(sorted({rival for s, at, rival, _ in found if s > least and at == experiment} - {name}))
     data_warning(
         f"{text} in experiment {experiment} of {excited.U.shape[1]} than in the others"
@@ -63,7 +63,7 @@ def warn_of_mismatch(
     return True
 
 
-def estimate_mismatches(
+def _estimate_mismatches(
     record: Record,
     excited: Spectra,
     *,
@@ -93,7 +93,7 @@ def estimate_mismatches(
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
             chance = curvature_factor[rows].max() if kind == "gain" else 1.0
-            size, significance, experiment = estimate_mismatch(
+            size, significance, experiment = _estimate_mismatch(
                 V[rows],
                 x * slope,
                 weight=weight[rows],
@@ -108,7 +108,7 @@ def estimate_mismatches(
             yield significance, experiment, name, text
 
 
-def estimate_mismatch(
+def _estimate_mismatch(
     V: np.ndarray,
     X: np.ndarray,
     *,
@@ -128,13 +128,13 @@ def estimate_mismatch(
     power = squared_modulus(X)
     whole = np.sum(power * weight[:, None], axis=0)
     usual = np.median(whole, axis=1)
-    on = np.flatnonzero(usual > MIN_EXPERIMENT_WEIGHT * usual.max())
+    on = np.flatnonzero(usual > _MIN_EXPERIMENT_WEIGHT * usual.max())
     M = on.size
     if M < 2:  # what was played once differs from nothing
         return 0.0, 0.0, 1
     along, power, whole = along[on], power[:, on], whole[on]
     # a peak that the fit follows leaves nothing of V, and would weigh most
-    most = MAX_LINE_WEIGHT * usual[on, None]
+    most = _MAX_LINE_WEIGHT * usual[on, None]
     trust = most / np.maximum(whole, most)
     along, whole = along * trust, whole * trust
     total = whole.sum(axis=1)
@@ -143,11 +143,11 @@ def estimate_mismatch(
     deviation = (factor - factor.mean()) * M / (M - 1)  # from the mean of the others
     scatter = np.sqrt(variance + (variance.sum() - variance) / (M - 1) ** 2)
     n = float(np.min(total**2 / np.sum(whole**2, axis=1)))
-    sigmas = np.abs(deviation) / np.maximum(scatter * common_scatter * (1 + FEW_LINES_WIDENING / n), TINY)
+    sigmas = np.abs(deviation) / np.maximum(scatter * common_scatter * (1 + _FEW_LINES_WIDENING / n), TINY)
     worst = int(sigmas.argmax())
     size = float(deviation[worst] / retained)
     significance = float(sigmas[worst])
     error_over_variance = size**2 / M * np.median(power[:, worst] / level, axis=1).max()
-    if significance > MIN_SIGNIFICANCE and error_over_variance < MIN_RELATIVE_ERROR:
+    if significance > _MIN_SIGNIFICANCE and error_over_variance < _MIN_RELATIVE_ERROR:
         significance = 0.0
     return size, significance, int(on[worst]) + 1

@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.numbers import squared_modulus
 
-MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
+_MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -71,6 +71,6 @@ def hermitian_sqrt(cov: np.ndarray) -> np.ndarray:
     """Return (n, n, F) square roots L with L L^H = cov, eigenvalues floored so that L can be inverted."""
     correlation, size = to_correlation(cov)
     values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
-    values = np.maximum(values, MIN_EIGENVALUE * values[:, -1:])
+    values = np.maximum(values, _MIN_EIGENVALUE * values[:, -1:])
     half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
     return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

@@ -22,21 +22,21 @@ from nlfrf.records.record import Record
 from nlfrf.signals.lines import chance_correlation, local_mean
 
 DISAGREEMENT_DB = 6.0  # dB
-MIN_DETECTION_LINES = 4  # detection lines
+_MIN_DETECTION_LINES = 4  # detection lines
 
-MIN_RELATIVE_LEVEL = 1e-12  # of the largest power, under which it is rounding
-FALSE_ALARM_PROBABILITY = 1e-3  # with which phases may agree by it
-MIN_SIGNAL_SHARE = 0.7  # share of the power on detection lines that is no noise, at least
-MIN_POWER_LAW_COHERENCE = 0.6  # share in common with any power of its drive under which a law is flatter than those
-SAMPLES_PER_CYCLE = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
-SOURCE_TEXTS = (
+_MIN_RELATIVE_LEVEL = 1e-12  # of the largest power, under which it is rounding
+_FALSE_ALARM_PROBABILITY = 1e-3  # with which phases may agree by it
+_MIN_SIGNAL_SHARE = 0.7  # share of the power on detection lines that is no noise, at least
+_MIN_POWER_LAW_COHERENCE = 0.6  # share in common with any power of its drive under which a law is flatter than those
+_SAMPLES_PER_CYCLE = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
+_SOURCE_TEXTS = (
     "the input, before the dynamics",
     "the output, fed back as by a spring",
     "the input, in parallel with the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, below which the law is a cubic
-MIN_FIFTH_COHERENCE = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
+_MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, below which the law is a cubic
+_MIN_FIFTH_COHERENCE = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
 
 
 @value
@@ -104,7 +104,7 @@ class SecondOpinion:
         ):
             if wrong.any():
                 more = "above" if self.difference[wrong][0] > 0 else "below"
-                rows.append(f"  more than 6 dB {more} at {format_frequency_ranges(self.f, wrong)}: {meaning}")
+                rows.append(f"  more than 6 dB {more} at {_format_frequency_ranges(self.f, wrong)}: {meaning}")
         if len(rows) == 1:
             rows[0] += "; within 6 dB of each other at every line"
         if self.law:
@@ -178,7 +178,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
 
 
 @value(copy=False)
-class NonlinearityOrder:
+class _NonlinearityOrder:
     """Order of the nonlinearity, by the phases of the odd detection lines.
 
     Fields
@@ -199,7 +199,7 @@ class NonlinearityOrder:
     def describe(self, gain_varies: bool, one_period: bool) -> str:
         """Describe the order, and its source where |G| varies over the band; an empty text where it is unknown."""
         if self.order == 3:
-            what = SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
+            what = _SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
                 f"the odd distortion is cubic: {100 * self.coherence:.0f} % of it is coherent with the cube of {what}"
             )
@@ -210,10 +210,10 @@ class NonlinearityOrder:
         }.get(self.order, "")
 
 
-UNKNOWN_ORDER = NonlinearityOrder()
+UNKNOWN_ORDER = _NonlinearityOrder()
 
 
-def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> NonlinearityOrder:
+def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _NonlinearityOrder:
     """Find the power of the input, or of the output, whose phases the odd detection lines have.
 
     The lines are scaled to one power, so that phases alone count, over all lines and realisations. The squared
@@ -227,51 +227,53 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
     """
     index = excited.index
     U = excited.U[
-        0, : max(1, BLOCK_ENTRIES // (SAMPLES_PER_CYCLE * int(index.lines[-1])))
+        0, : max(1, BLOCK_ENTRIES // (_SAMPLES_PER_CYCLE * int(index.lines[-1])))
     ]  # of long periods few realisations tell enough
     Y = residual.Y[0, : len(U)].take(index.odd, axis=1)
     n = Y.size
-    if index.odd.size < MIN_DETECTION_LINES or not Y.any():
+    if index.odd.size < _MIN_DETECTION_LINES or not Y.any():
         return UNKNOWN_ORDER
     candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
     G = residual.G[0, 0]
     candidates[1] = odd_powers_on_lines(index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines)
     np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
-    level = smooth_power(mean_power(Y))
+    level = _smooth_power(mean_power(Y))
     noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), SMOOTHING_LINES)
     signal_share = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
     share = float(signal_share.mean())
-    if share < MIN_SIGNAL_SHARE:
+    if share < _MIN_SIGNAL_SHARE:
         return UNKNOWN_ORDER
     y = Y / np.sqrt(level)
-    levels = smooth_power(np.add.reduce(squared_modulus(candidates), axis=-2))
+    levels = _smooth_power(np.add.reduce(squared_modulus(candidates), axis=-2))
     x = candidates * np.sqrt(signal_share / levels)[..., None, :]
     common = squared_modulus(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
-    if common.max() < chance_correlation(FALSE_ALARM_PROBABILITY, n):
+    if common.max() < chance_correlation(_FALSE_ALARM_PROBABILITY, n):
         return UNKNOWN_ORDER
     common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
     cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()
     reading = int(cubes.argmax())
     cube, fifth = float(cubes[reading]), float(fifths.max())
-    if max(cube, fifth) < MIN_POWER_LAW_COHERENCE:
+    if max(cube, fifth) < _MIN_POWER_LAW_COHERENCE:
         order = 1
-    elif 1 - cube < MAX_CUBIC_REMAINDER_RATIO * (1 - fifth):
+    elif 1 - cube < _MAX_CUBIC_REMAINDER_RATIO * (1 - fifth):
         order = 3
     else:
-        order = 5 if fifth > MIN_FIFTH_COHERENCE else 0
-    return NonlinearityOrder(order=order, coherence=cube, hypothesis=reading)
+        order = 5 if fifth > _MIN_FIFTH_COHERENCE else 0
+    return _NonlinearityOrder(order=order, coherence=cube, hypothesis=reading)
 
 
-def smooth_power(power: np.ndarray) -> np.ndarray:
+def _smooth_power(power: np.ndarray) -> np.ndarray:
     """Return the mean power (..., K) over the lines around each, floored above the rounding of running sums."""
-    return np.maximum(local_mean(power, SMOOTHING_LINES), MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
+    return (
+        np.maximum(local_mean(power, SMOOTHING_LINES), _MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
+    )
 
 
 def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
     """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on `lines`."""
     last = int(max(excited[-1], lines[-1]))
-    n = 2 * fast_length(SAMPLES_PER_CYCLE // 2 * last + 1)  # terms beyond alias onto lines past the last one
+    n = 2 * fast_length(_SAMPLES_PER_CYCLE // 2 * last + 1)  # terms beyond alias onto lines past the last one
     spectrum = np.zeros((len(sources), *sources[0].shape[:-1], n // 2 + 1), dtype=complex)
     for one, drive in zip(spectrum, sources, strict=True):
         one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)
@@ -281,7 +283,7 @@ def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: n
     return np.fft.rfft(both).take(lines, axis=-1)
 
 
-def format_frequency_ranges(f: np.ndarray, mask: np.ndarray) -> str:
+def _format_frequency_ranges(f: np.ndarray, mask: np.ndarray) -> str:
     """Format the frequencies where a mask holds, as a few ranges."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     pairs = [(f[a], f[b - 1]) for a, b in edges.reshape(-1, 2)]

@@ -36,35 +36,35 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
 
 #: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of benchmarks/plants.py.
-CALIBRATION_LOG_VARIANCE = 0.06
+_CALIBRATION_LOG_VARIANCE = 0.06
 #: The level is log-linear in a coordinate in which the prior of its slope is standard normal: lambda may change as
 #: f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines the logarithm of frequency is cut off: a
 #: level does not grow without end towards zero frequency. Halving either changes the loss by less than 0.5 %.
-SLOPE_PER_LOG_FREQUENCY, SLOPE_PER_LINE, LOWEST_LINES = 1.0, 0.05, 4.0
-EVIDENCE_LINES = 9  # excited lines around each whose likelihoods weigh the hypotheses; 7 to 13 lose as much
+_SLOPE_PER_LOG_FREQUENCY, _SLOPE_PER_LINE, _LOWEST_LINES = 1.0, 0.05, 4.0
+_EVIDENCE_LINES = 9  # excited lines around each whose likelihoods weigh the hypotheses; 7 to 13 lose as much
 #: Roughness is distortion, or G bends within its window: equal before the data. A bend shows anything from the level to
 #: e^7 above it, with equal density in dB. Half or twice that range changes the loss by 0.5 %.
-BEND_RANGE = 7.0
-ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows, which overlap
+_BEND_RANGE = 7.0
+_ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows, which overlap
 #: One realisation in five cases has a level that is not that of the scatter, by a log-variance of 2 (6 dB): the weight
 #: with which scatter over realisations stands by itself.
-UNRELATED, UNRELATED_LOG_VARIANCE = 0.2, 2.0
+_UNRELATED, _UNRELATED_LOG_VARIANCE = 0.2, 2.0
 #: Of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves.
-MIN_RELATIVE_COUNT = 0.1
+_MIN_RELATIVE_COUNT = 0.1
 #: What the cubic of an output makes of the excited line at three times a light resonance, over its mean on the window.
 #: Of an input it is `MAX_SPECIAL_ODD_RATIO`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
-MAX_OUTPUT_RATIO = 12.0
-MAX_WINDOW_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
-N_SCORING_STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
-ENOUGH_REALIZATIONS = 7  # realisations whose scatter tells more than the roughness, which may read too high
-ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the distortion
+_MAX_OUTPUT_RATIO = 12.0
+_MAX_WINDOW_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
+_N_SCORING_STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
+_ENOUGH_REALIZATIONS = 7  # realisations whose scatter tells more than the roughness, which may read too high
+_ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the distortion
 #: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
 #: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
-COMMON_ERROR = 0.5
+_COMMON_ERROR = 0.5
 #: Log of the tail probabilities at which the scaled F that stands for the mixture has its quantiles.
-LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
-LOG_TAILS = np.array(LOG_TAIL_PROBABILITIES)[:, None]
-N_NEWTON_STEPS = 3  # of Newton's method; more change no radius by 5e-4
+_LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
+_LOG_TAILS = np.array(_LOG_TAIL_PROBABILITIES)[:, None]
+_N_NEWTON_STEPS = 3  # of Newton's method; more change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
@@ -103,7 +103,7 @@ class DistortionVariance(NamedTuple):
         return self._replace(cov=cov, cov_bound=cov_bound)
 
 
-class OutputVariance(NamedTuple):
+class _OutputVariance(NamedTuple):
     """Distortion of one output, as variances (F,).
 
     Fields
@@ -154,7 +154,7 @@ class WindowCoordinates:
     n_distinct: np.ndarray
 
 
-class OutputData(NamedTuple):
+class _OutputData(NamedTuple):
     """The data of one output.
 
     Fields
@@ -216,38 +216,38 @@ def estimate_distortion_variance(
     """
     n_y, R = len(residual.Y), len(frm.G_each)
     nu = excited.experiments_per_set * (R - 1)
-    rows = [collect_output_data(j, excited, residual=residual, frm=frm, fit=fit) for j in range(n_y)]
-    found = [estimate_output_variance(source, excited, row=row, frm=frm, M=n_independent, nu=nu) for row in rows]
-    even = np.array([variance_on_even_lines(excited.index, row) * frm.level_scale for row in rows])
+    rows = [_collect_output_data(j, excited, residual=residual, frm=frm, fit=fit) for j in range(n_y)]
+    found = [_estimate_output_variance(source, excited, row=row, frm=frm, M=n_independent, nu=nu) for row in rows]
+    even = np.array([_variance_on_even_lines(excited.index, row) * frm.level_scale for row in rows])
     dof, scale = found[0].dof, np.array([one.var_bound for one in found])
     rho: np.ndarray | float = 1.0
     rho_even: np.ndarray | float = 1.0
     if n_y > 1:
-        rho, count = pool_correlations(
+        rho, count = _pool_correlations(
             source, excited.index, residual=residual, frm=frm, fit=fit, found=found, M=n_independent, nu=nu
         )
-        rho_even = correlation_on_lines(excited.index.even_windows[:, 0], residual) if excited.index.even.size else 1.0
-        dof, scale = pool_dof(found, count)
+        rho_even = _correlation_on_lines(excited.index.even_windows[:, 0], residual) if excited.index.even.size else 1.0
+        dof, scale = _pool_dof(found, count)
     return DistortionVariance(
-        cov=scale_correlation(np.array([one.variance for one in found]), rho),
-        cov_bound=(1 + coherent) * scale_correlation(scale, rho),
+        cov=_scale_correlation(np.array([one.variance for one in found]), rho),
+        cov_bound=(1 + coherent) * _scale_correlation(scale, rho),
         dof=dof,
         grid_factor=np.add.reduce([one.grid_factor for one in found]) / n_y,
-        cov_even=scale_correlation(even, rho_even),
+        cov_even=_scale_correlation(even, rho_even),
         detected=np.array([one.detected for one in found]),
     )
 
 
-def collect_output_data(
+def _collect_output_data(
     j: int, excited: Spectra, *, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
-) -> OutputData:
+) -> _OutputData:
     """Return the data of output j."""
     rough = dof_rough = None
     if fit is not None:
         n = fit.variance[:, j, :, 0].size
         rough = np.add.reduce(fit.variance[:, j] / frm.gamma_of_set, axis=(0, 1)) / n
         dof_rough = np.add.reduce(fit.dof[:, j], axis=(0, 1))
-    return OutputData(
+    return _OutputData(
         power=mean_power(residual.Y[j]),
         Y=excited.Y[j],
         gain=residual.gain[j],
@@ -259,22 +259,22 @@ def collect_output_data(
     )
 
 
-def estimate_output_variance(
-    source: str, excited: Spectra, *, row: OutputData, frm: FrmEstimate, M: int, nu: int
-) -> OutputVariance:
+def _estimate_output_variance(
+    source: str, excited: Spectra, *, row: _OutputData, frm: FrmEstimate, M: int, nu: int
+) -> _OutputVariance:
     """Estimate the variance of an output, from M independent experiments and a scatter of nu degrees of freedom."""
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
-        log_level, dof, log_weight, factors, detected = level_from_detection_lines(
+        log_level, dof, log_weight, factors, detected = _level_from_detection_lines(
             excited, row, level_scale=frm.level_scale, M=M
         )
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
-        log_level, dof = level_from_roughness(excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma)
+        log_level, dof = _level_from_roughness(excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma)
         log_weight, factors = np.zeros(log_level.shape), ones[None]
     else:
-        return OutputVariance(
+        return _OutputVariance(
             variance=row.scatter,
             var_bound=row.scatter,
             dof=np.full(F, float(nu)),
@@ -287,10 +287,10 @@ def estimate_output_variance(
         log_level, dof, log_weight = update_by_scatter(
             log_level, dof, log_weight=log_weight, n_hypotheses=len(factors), scatter=row.scatter, nu=nu
         )
-    weight, level = normalize_weights(log_weight), np.exp(log_level)
+    weight, level = _normalize_weights(log_weight), np.exp(log_level)
     var_bound, dof = match_scaled_f(level, dof, weight)
     by_hypothesis = np.add.reduce(weight.reshape(-1, len(factors), F))
-    return OutputVariance(
+    return _OutputVariance(
         variance=row.scatter if nu else np.add.reduce(weight * level),
         var_bound=var_bound,
         dof=dof,
@@ -302,11 +302,11 @@ def estimate_output_variance(
 
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
     """Return the (F,) expected variance of the first output's residual by detection lines alone, noise included."""
-    row = collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
-    return level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1])[-1]
+    row = _collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
+    return _level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1])[-1]
 
 
-def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
+def _scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
     """Return the (n, n, F) covariance with variances (n, F) and a correlation (n, n, F)."""
     if len(variance) == 1:
         return variance[None]
@@ -314,14 +314,14 @@ def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarr
     return np.asarray(size[:, None] * size * rho)
 
 
-def pool_correlations(
+def _pool_correlations(
     source: str,
     index: LineIndex,
     *,
     residual: NonlinearResidual,
     frm: FrmEstimate,
     fit: LocalFit | None,
-    found: list[OutputVariance],
+    found: list[_OutputVariance],
     M: int,
     nu: int,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -332,30 +332,30 @@ def pool_correlations(
     parts: list[tuple[np.ndarray, np.ndarray | float]] = []
     if source == "detection":
         near = index.detection_windows[:, 0]
-        parts.append((correlation_on_lines(near, residual), float(M * len(near))))
+        parts.append((_correlation_on_lines(near, residual), float(M * len(near))))
     if fit is not None and fit.residual is not None:
         share = np.add.reduce([one.rough_is_distortion for one in found]) / len(found)
-        parts.append((correlation_of_roughness(fit.residual, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
+        parts.append((_correlation_of_roughness(fit.residual, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
     if nu:
         parts.append((to_correlation(frm.cov_scatter)[0], float(nu)))
     total = np.add.reduce([np.zeros(index.excited.size) + n for _, n in parts])
     return np.asarray(np.add.reduce([rho * n for rho, n in parts]) / total), total
 
 
-def correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
+def _correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
     """Return the (n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
     x = residual.Y.take(near, axis=-1) / np.sqrt(residual.gain.take(near, axis=-1) + TINY)[:, None]
     return to_correlation(sum_outer_products(x))[0]
 
 
-def correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
+def _correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
     """Return the (n_y, n_y, F) correlation e N^-1 e^H of the residuals e of local fits, N that of inputs in gamma."""
     inverted = inverse(to_correlation(frm.gamma_each)[0])
     weighted = np.einsum("rjifn,rilf->rjlfn", rest, inverted)
     return to_correlation(np.einsum("rjlfn,rklfn->jkf", weighted, rest.conj()))[0]
 
 
-def pool_dof(found: list[OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _pool_dof(found: list[_OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return degrees of freedom (F,) for all rows, and scales (n_y, F) that keep the 95 % quantile of each row.
 
     The calibration error is one factor for all outputs. It widens the distribution of the matrix as it widens that of
@@ -363,20 +363,20 @@ def pool_dof(found: list[OutputVariance], count: np.ndarray) -> tuple[np.ndarray
     """
     n_y = len(found)
     own = n_y / np.add.reduce([1 / one.dof for one in found])
-    dof = own + COMMON_ERROR * np.maximum(count - own, 0.0)
+    dof = own + _COMMON_ERROR * np.maximum(count - own, 0.0)
     return dof, np.array(
-        [one.var_bound * f_quantile(one.dof, LOG_TAIL_PROBABILITIES[0]) for one in found]
-    ) / f_quantile(dof, LOG_TAIL_PROBABILITIES[0])
+        [one.var_bound * _f_quantile(one.dof, _LOG_TAIL_PROBABILITIES[0]) for one in found]
+    ) / _f_quantile(dof, _LOG_TAIL_PROBABILITIES[0])
 
 
-def normalize_weights(log_weight: np.ndarray) -> np.ndarray:
+def _normalize_weights(log_weight: np.ndarray) -> np.ndarray:
     """Return weights with sum one over the first axis."""
     weight = np.exp(log_weight - np.maximum.reduce(log_weight))
     return np.asarray(weight / np.add.reduce(weight))
 
 
-def level_from_detection_lines(
-    excited: Spectra, row: OutputData, *, level_scale: np.ndarray | float, M: int
+def _level_from_detection_lines(
+    excited: Spectra, row: _OutputData, *, level_scale: np.ndarray | float, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known.
 
@@ -393,7 +393,7 @@ def level_from_detection_lines(
     """
     index = excited.index
     windows = window_coordinates(index, M)
-    before, relative, factors, prior = list_hypotheses(excited, row)
+    before, relative, factors, prior = _list_hypotheses(excited, row)
     near, here = index.detection_windows[:, 0], index.excited
     gain = row.gain.take(near) / row.gain.take(here)
     shape = np.where(before[:, None, None], gain, 1.0) * relative
@@ -405,25 +405,25 @@ def level_from_detection_lines(
             power, row.noise.take(near), shape=shape, factors=factors, noise_here=row.noise.take(here)
         )
     log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows=windows, M=M)
-    evidence = windowed_mean(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
+    evidence = _windowed_mean(likelihood, _EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
-    detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
+    detected = np.asarray(np.add.reduce(_normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
         return log_level, windows.dof + zeros, evidence, factors, detected
-    density, share, dof = roughness_update(index, M, row.dof_rough.tobytes())
+    density, share, dof = _roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
     # of one level all over the window: the levels of its lines as estimated scatter with the very data they are held to
-    over = mean_over_window(np.where(before[:, None], row.gain.take(here), 1.0), excited)
+    over = _mean_over_window(np.where(before[:, None], row.gain.take(here), 1.0), excited)
     if row.noise is not None:
         noise = row.noise.take(here)
-        over = over + noise / total * (mean_over_window(noise, excited) - over)
-    over = clip(over, 1.0, MAX_WINDOW_SHAPE)
+        over = over + noise / total * (_mean_over_window(noise, excited) - over)
+    over = _clip(over, 1.0, _MAX_WINDOW_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * windows.x_rough
     both = np.empty((2, *ratio.shape))
     both[0] = density(ratio)  # as distortion
-    np.subtract(np.minimum(nu * ratio, 0.0), math.log(BEND_RANGE), out=both[1])  # as a bend
-    both = windowed_mean(both, EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
-    pooled = np.maximum(1 + share * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2)
+    np.subtract(np.minimum(nu * ratio, 0.0), math.log(_BEND_RANGE), out=both[1])  # as a bend
+    both = _windowed_mean(both, _EVIDENCE_LINES) * _ROUGHNESS_EVIDENCE
+    pooled = np.maximum(1 + share * np.expm1(np.minimum(ratio, 50.0)), _MIN_RELATIVE_COUNT**2)
     return (
         np.concatenate([log_level + np.log(pooled), log_level]),
         np.concatenate([dof + zeros, windows.dof + zeros]),
@@ -433,14 +433,14 @@ def level_from_detection_lines(
     )
 
 
-def mean_over_window(variance: np.ndarray, excited: Spectra) -> np.ndarray:
+def _mean_over_window(variance: np.ndarray, excited: Spectra) -> np.ndarray:
     """Return the mean of a variance of Y (..., F) over |U|^2 on each roughness window, over its value at the line."""
     of_frf = np.maximum(variance / excited.amplitude**2, TINY)
     windows = excited.index.excited_windows.T
     return np.asarray(np.add.reduce(of_frf.take(windows, axis=-1), axis=-2) / (len(windows) * of_frf))
 
 
-def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the H hypotheses of place and law; where |G| is constant over the band, places and sources are one.
 
     Returns
@@ -456,21 +456,21 @@ def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.n
     """
     index, amplitude = excited.index, excited.amplitude  # rms over inputs: cubes and products have its ratios in a band
     flat = is_flat(amplitude)
-    laws = [flat_input_cubic_counts(index) if flat else cubic_count_ratios(amplitude, index, MAX_SPECIAL_ODD_RATIO)]
+    laws = [_flat_input_cubic_counts(index) if flat else cubic_count_ratios(amplitude, index, MAX_SPECIAL_ODD_RATIO)]
     if row.gain_varies:
-        laws.append(cubic_count_ratios(rms(row.Y), index, MAX_OUTPUT_RATIO))
+        laws.append(cubic_count_ratios(rms(row.Y), index, _MAX_OUTPUT_RATIO))
     n_laws = len(laws) + 1
     relative, factors = np.ones((n_laws, *laws[0][0].shape)), np.ones((n_laws, excited.lines.size))
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
     if not row.gain_varies:
-        return ~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR
-    return BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), EQUAL_LOG_PRIOR
+        return ~_BEFORE_DYNAMICS[:n_laws], relative, factors, _CONSTANT_GAIN_LOG_PRIOR
+    return _BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), _EQUAL_LOG_PRIOR
 
 
-BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
+_BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
 #: Where |G| is constant over the band, the cubic of the input and that of the output are one law.
-EQUAL_LOG_PRIOR, CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
+_EQUAL_LOG_PRIOR, _CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
 
 
 def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -488,20 +488,20 @@ def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) 
     if unknown.any():
         mean, here = np.where(unknown, 1.0, mean), np.where(unknown, MAX_SPECIAL_ODD_RATIO, here)
         on_window = np.where(unknown, 1.0, on_window)
-    return np.maximum(on_window / mean, MIN_RELATIVE_COUNT), np.minimum(
+    return np.maximum(on_window / mean, _MIN_RELATIVE_COUNT), np.minimum(
         np.maximum(here / mean, 1 / MAX_SPECIAL_ODD_RATIO), highest
     )
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
+def _flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
     """Return `cubic_count_ratios` of a flat input, which depend on the grid alone."""
     relative, factors = cubic_count_ratios(np.ones(index.excited.size), index, MAX_SPECIAL_ODD_RATIO)
     relative.flags.writeable = factors.flags.writeable = False
     return relative, factors
 
 
-MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
+_MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
 
 
 def expected_total(
@@ -514,11 +514,11 @@ def expected_total(
     """
     excess, floor = power - noise, noise + TINY
     d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
-    for _ in range(N_SCORING_STEPS):
+    for _ in range(_N_SCORING_STEPS):
         expected = d[:, None] * shape
         expected += floor
         # relative to the largest, as powers of rounding underflow in the square, and some are exactly zero
-        expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], MIN_RELATIVE_POWER)
+        expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], _MIN_RELATIVE_POWER)
         weighted = shape / (expected * expected)
         d = np.maximum(np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0)
     expected = d[:, None] * shape
@@ -542,8 +542,8 @@ def fit_log_level(
     # the first step starts from the mean and no slope: what it leaves has no sum
     by_slope = M * np.add.reduce((y / mean[:, None] - 1) * x, axis=1)
     # steps of at most 1.5: a single line far above the others would throw the first one
-    level, slope = np.log(mean) + clip(cov_slope * by_slope, -1.5, 1.5), clip(var_slope * by_slope, -1.5, 1.5)
-    for _ in range(1, N_SCORING_STEPS):
+    level, slope = np.log(mean) + _clip(cov_slope * by_slope, -1.5, 1.5), _clip(var_slope * by_slope, -1.5, 1.5)
+    for _ in range(1, _N_SCORING_STEPS):
         rest = slope[:, None] * x
         rest += level[:, None]
         np.exp(np.negative(rest, out=rest), out=rest)
@@ -552,8 +552,8 @@ def fit_log_level(
         sum_rest = np.add.reduce(rest, axis=1)
         by_level = (M - common * n) * sum_rest
         by_slope = M * np.add.reduce(np.multiply(rest, x, out=rest), axis=1) - windows.x_common * sum_rest - slope
-        level += clip(var_level * by_level + cov_slope * by_slope, -1.5, 1.5)
-        slope += clip(cov_slope * by_level + var_slope * by_slope, -1.5, 1.5)
+        level += _clip(var_level * by_level + cov_slope * by_slope, -1.5, 1.5)
+        slope += _clip(cov_slope * by_level + var_slope * by_slope, -1.5, 1.5)
     expected = slope[:, None] * x
     expected += level[:, None]
     log_shape += expected
@@ -563,7 +563,7 @@ def fit_log_level(
     return level, slope, likelihood - slope * slope / 2 + common / 2 * (relative - n) ** 2
 
 
-def level_from_roughness(
+def _level_from_roughness(
     index: LineIndex, rough: np.ndarray, *, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
@@ -574,7 +574,7 @@ def level_from_roughness(
     rough = rough + TINY
     if rough.size < FEW_LINES:  # one window, or two that overlap, tell no slope
         return np.log(rough)[None], nu[None]
-    x, F = roughness_positions(index), rough.size
+    x, F = _roughness_positions(index), rough.size
     width = index.excited_windows.shape[1]
     k = np.arange(F)
     three = np.clip(k + width * np.array([[-1], [0], [1]]), 0, F - 1)
@@ -595,11 +595,11 @@ def update_by_scatter(
     """
     alone = np.logaddexp.reduce(log_weight.reshape(-1, n_hypotheses, scatter.size))  # whatever the roughness is
     level = np.concatenate([log_level, log_level[-n_hypotheses:]])
-    dof = np.concatenate([dof, widened_dof(dof[-n_hypotheses:], UNRELATED_LOG_VARIANCE)])
-    weight = np.concatenate([log_weight + math.log(1 - UNRELATED), alone + math.log(UNRELATED)])
+    dof = np.concatenate([dof, widened_dof(dof[-n_hypotheses:], _UNRELATED_LOG_VARIANCE)])
+    weight = np.concatenate([log_weight + math.log(1 - _UNRELATED), alone + math.log(_UNRELATED)])
     ratio = np.minimum(np.log(scatter + TINY) - level, 500.0)
-    n_lines = min(EVIDENCE_LINES, scatter.size)
-    weight = weight + n_lines * windowed_mean(log_density_of_ratio(float(nu), dof)(ratio), EVIDENCE_LINES)
+    n_lines = min(_EVIDENCE_LINES, scatter.size)
+    weight = weight + n_lines * _windowed_mean(log_density_of_ratio(float(nu), dof)(ratio), _EVIDENCE_LINES)
     return level + np.log((dof + nu * np.exp(ratio)) / (dof + nu)), dof + nu, weight
 
 
@@ -632,8 +632,8 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     (array([2.]), array([6.]))
     """
     scale = dof * np.maximum(level, TINY)
-    x = np.log(np.add.reduce(weight * scale * np.expm1(-LOG_TAILS[..., None] / dof), axis=1))  # (2, F): both tails
-    for _ in range(N_NEWTON_STEPS):
+    x = np.log(np.add.reduce(weight * scale * np.expm1(-_LOG_TAILS[..., None] / dof), axis=1))  # (2, F): both tails
+    for _ in range(_N_NEWTON_STEPS):
         over = np.exp(x)[:, None] / scale
         survival = np.exp(-dof * np.log1p(over))
         survival *= weight
@@ -642,30 +642,30 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
         over *= dof
         survival *= over
         rate = np.add.reduce(survival, axis=1) / total
-        x += clip((np.log(total) - LOG_TAILS) / np.maximum(rate, 1e-3), -2.0, 2.0)
+        x += _clip((np.log(total) - _LOG_TAILS) / np.maximum(rate, 1e-3), -2.0, 2.0)
     near, far = x
-    ratios, dofs = ratio_of_quantiles()
+    ratios, dofs = _ratio_of_quantiles()
     matched = np.exp(np.interp(near - far, ratios, dofs))
-    return np.exp(near) / f_quantile(matched, LOG_TAIL_PROBABILITIES[0]), matched
+    return np.exp(near) / _f_quantile(matched, _LOG_TAIL_PROBABILITIES[0]), matched
 
 
-def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
+def _f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
     """Return the quantile of F(2, 2 dof) that is exceeded with probability exp(tail)."""
     return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
 
 
 @lru_cache(maxsize=1)
-def ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
+def _ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
     """Return a table of log(95 % quantile of F(2, 2 nu) / 99.9 % quantile), increasing, and log nu, from 0.2 to 1e5."""
     dofs = np.linspace(np.log(0.2), np.log(1e5), 800)
-    quantiles = np.log([f_quantile(np.exp(dofs), tail) for tail in LOG_TAIL_PROBABILITIES])
+    quantiles = np.log([_f_quantile(np.exp(dofs), tail) for tail in _LOG_TAIL_PROBABILITIES])
     return quantiles[0] - quantiles[1], dofs
 
 
 def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
     share = nu / dof
-    constant = nu * np.log(share) - log_beta(np.asarray(nu, dtype=float), dof)
+    constant = nu * np.log(share) - _log_beta(np.asarray(nu, dtype=float), dof)
 
     def log_density(log_ratio: np.ndarray) -> np.ndarray:
         """Return it at ratios (..., F)."""
@@ -675,7 +675,7 @@ def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[n
     return log_density
 
 
-def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the log of the beta function, by Stirling's series two above each argument: within 1e-5."""
     x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
     x[0], x[1], x[2] = a, b, a + b
@@ -684,7 +684,7 @@ def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))
 
 
-def clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
+def _clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
     """Return `numpy.clip` without its checks of arguments, which take longer than short arrays do."""
     return np.minimum(np.maximum(x, least), most)
 
@@ -697,17 +697,17 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     n, F = near.shape
     x = slope_coordinate(index.detection[near].astype(float), lines)
     # the calibration error is a normal effect common to the window: Woodbury's identity takes it out of the weights
-    common = CALIBRATION_LOG_VARIANCE * M * M / (1 + CALIBRATION_LOG_VARIANCE * n * M)
+    common = _CALIBRATION_LOG_VARIANCE * M * M / (1 + _CALIBRATION_LOG_VARIANCE * n * M)
     x_sum = x.sum(axis=0)
     one = np.full(F, n * M - common * n * n)
     cross, two = (M - common * n) * x_sum, M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0
     covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
-    several = min(EVIDENCE_LINES, F)
-    around = np.sort(near.T[centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1)
+    several = min(_EVIDENCE_LINES, F)
+    around = np.sort(near.T[_centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1)
     distinct = (1 + np.count_nonzero(around[:, 1:] != around[:, :-1], axis=1)) / n
     return WindowCoordinates(
         x=x,
-        x_rough=roughness_positions(index)[0],
+        x_rough=_roughness_positions(index)[0],
         common=common,
         x_common=common * x_sum,
         n_lines=n * M - common * n * n,
@@ -718,7 +718,7 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def roughness_update(
+def _roughness_update(
     index: LineIndex, M: int, dof_rough: bytes
 ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
     """Return what roughnesses of complex degrees of freedom (F,), as bytes, change in levels, whatever the data.
@@ -746,7 +746,7 @@ def roughness_update(
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def roughness_positions(index: LineIndex) -> np.ndarray:
+def _roughness_positions(index: LineIndex) -> np.ndarray:
     """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the first."""
     lines = index.lines[index.excited].astype(float)
     around = slope_coordinate(lines[index.excited_windows.T], lines)
@@ -757,28 +757,28 @@ def roughness_positions(index: LineIndex) -> np.ndarray:
 
 def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Return the signed distance between lines, in standard deviations of the change of the log level."""
-    by_frequency = SLOPE_PER_LOG_FREQUENCY * np.log((at + LOWEST_LINES) / (line + LOWEST_LINES))
-    by_line = SLOPE_PER_LINE * (at - line)
+    by_frequency = _SLOPE_PER_LOG_FREQUENCY * np.log((at + _LOWEST_LINES) / (line + _LOWEST_LINES))
+    by_line = _SLOPE_PER_LINE * (at - line)
     return np.asarray(np.copysign(np.hypot(by_frequency, by_line), at - line))
 
 
-def windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
+def _windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
     """Return the mean over the n neighbours of each entry along the last axis; at the ends over the first or last n."""
     size = x.shape[-1]
     n = min(n, size)
     sums = np.zeros((*x.shape[:-1], size + 1))
     np.add.accumulate(x, axis=-1, out=sums[..., 1:])
     means = (sums[..., n:] - sums[..., :-n]) / n
-    return means.take(centred_windows(size, n), axis=-1)
+    return means.take(_centred_windows(size, n), axis=-1)
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def centred_windows(size: int, n: int) -> np.ndarray:
+def _centred_windows(size: int, n: int) -> np.ndarray:
     """Return for each of `size` entries the first index of the window of n entries most nearly centred on it."""
     return np.clip(np.arange(size) - n // 2, 0, size - n)
 
 
-def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
+def _variance_on_even_lines(index: LineIndex, row: _OutputData) -> np.ndarray:
     """Return the (F,) variance of the residual as read on the even lines; nan without them.
 
     The distortion is taken as before the dynamics, with no factor.
@@ -798,7 +798,7 @@ def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
 
 def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
     """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set where its roughness is needed."""
-    if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= ENOUGH_REALIZATIONS):
+    if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= _ENOUGH_REALIZATIONS):
         return frm.G, None
     fit = fit_sets(frm, excited)
     return np.add.reduce(fit.G) / len(fit.G), fit
@@ -820,15 +820,15 @@ def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detect
         )
     if level_from != "auto":
         return level_from
-    if can_calibrate(excited, grid, n_detection):
+    if _can_calibrate(excited, grid, n_detection):
         return "detection"
-    if excited.U.shape[1] // excited.experiments_per_set >= ENOUGH_REALIZATIONS:
+    if excited.U.shape[1] // excited.experiments_per_set >= _ENOUGH_REALIZATIONS:
         return "realizations"
-    data_warning(describe_roughness_choice(grid, n_detection))
+    data_warning(_describe_roughness_choice(grid, n_detection))
     return "roughness"
 
 
-def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
+def _can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
     """Return whether odd detection lines give the distortion variance within a known factor on this grid."""
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
@@ -843,7 +843,7 @@ def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
     return bool(np.mean(ratio <= MAX_SPECIAL_ODD_RATIO) >= 0.95)
 
 
-def describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
+def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     """Return the warning that explains why the distortion variance comes from the roughness."""
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
@@ -858,7 +858,7 @@ def describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
         reason = f"the detection lines of this {kind} grid do not calibrate"
     few = (
         f"; on {grid.excited.size} lines it may read too low as well"
-        if grid.excited.size < ENOUGH_ROUGHNESS_LINES
+        if grid.excited.size < _ENOUGH_ROUGHNESS_LINES
         else ""
     )
     return (

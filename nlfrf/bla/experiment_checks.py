@@ -18,21 +18,21 @@ from nlfrf.records.excited_lines import check_lines
 from nlfrf.records.record import Record
 from nlfrf.signals.crest import have_low_crest, is_improbable
 
-MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
+_MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
 #: Power over that of its noise below which an input is lost, and the share of lines that may.
-MIN_POWER_OVER_NOISE, MAX_LOST_SHARE = 4.0, 0.1
-FEW_PHASE_LINES = 5  # lines up to which phases cannot be compared
-HIGH_CONDITION, MAX_CONDITION = 10.0, 1e6  # condition of the inputs: warned of, refused
-MIN_COPY_COHERENCE = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
-MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
+_MIN_POWER_OVER_NOISE, _MAX_LOST_SHARE = 4.0, 0.1
+_FEW_PHASE_LINES = 5  # lines up to which phases cannot be compared
+_HIGH_CONDITION, _MAX_CONDITION = 10.0, 1e6  # condition of the inputs: warned of, refused
+_MIN_COPY_COHERENCE = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+_MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
 #: Covariance of one experiment over the mean of all, above which the law of the matrix is off.
-MAX_EXPERIMENT_NOISE = 1.3
-SCATTER_ROUNDING = 1e-12  # of |Y|: scatter below it is none
+_MAX_EXPERIMENT_NOISE = 1.3
+_SCATTER_ROUNDING = 1e-12  # of |Y|: scatter below it is none
 #: Of the largest amplitude, below which an input is not played on a line, or in an experiment.
-MIN_PLAYED_AMPLITUDE = 0.03
+_MIN_PLAYED_AMPLITUDE = 0.03
 
 
-class CrestCorrection(NamedTuple):
+class _CrestCorrection(NamedTuple):
     """Correction of the distortion level for the crest factor of the inputs; see `crest_correction`.
 
     Fields
@@ -48,7 +48,7 @@ class CrestCorrection(NamedTuple):
     has_low_crest: bool
 
 
-def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, CrestCorrection]:
+def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, _CrestCorrection]:
     """Check that a matrix can be made of the experiments, and merge those that repeat another one.
 
     Returns
@@ -72,11 +72,11 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
             played[0], excited.lines, excited.mean_power_U[0] if excited.R is None else mean_power(excited.R[0])
         )
     if not excited.is_zippered:
-        require_excited_lines(record, excited)
+        _require_excited_lines(record, excited)
     elif record.r is not None:
         raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
     if excited.experiments_per_set == 1:
-        require_equal_sets(record, excited)
+        _require_equal_sets(record, excited)
     before = excited
     spectra, distinct = join_repeats(spectra, excited, *(("realisation", 0) if single else ("experiment", 1)))
     if len(distinct) < excited.U.shape[1]:
@@ -87,10 +87,10 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
                 f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets, got "
                 f"{excited.U.shape[1]}. A zippered multisine needs one experiment only."
             )
-        require_equal_sets(record, excited)
-        warn_of_noisy_inputs(record, excited)
-        if not warn_of_dependent_inputs(excited):  # inputs that are nearly the same have the same phases, too
-            warn_of_copies(excited)
+        _require_equal_sets(record, excited)
+        _warn_of_noisy_inputs(record, excited)
+        if not _warn_of_dependent_inputs(excited):  # inputs that are nearly the same have the same phases, too
+            _warn_of_copies(excited)
     elif excited.is_zippered:
         data_warning(
             "each line drives one input (zippered): every column was fitted between its own lines, with poles that all "
@@ -98,11 +98,11 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
             "follow is not"
         )
     elif before.R is not None:
-        warn_of_lost_input(before)
-    return spectra, excited, correct_for_crest(record, before, excited=excited, played=played[:, :, 0])
+        _warn_of_lost_input(before)
+    return spectra, excited, _correct_for_crest(record, before, excited=excited, played=played[:, :, 0])
 
 
-def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, played: np.ndarray) -> CrestCorrection:
+def _correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, played: np.ndarray) -> _CrestCorrection:
     """Return the correction for the crest factor, averaged over the inputs as played (n_u, M, N).
 
     Warns of an input whose crest factor is lower than that of random phases. The inputs after one whose peaks hardly
@@ -113,10 +113,10 @@ def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, play
     for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
         size, own = before.amplitude if before.R is None else rms(known), slice(None)
         if len(names) > 1:  # the experiments in which it was played, and its own lines
-            known = known[played_experiments(known)]
-            size, u, U = rms(known), u[played_experiments(U)], U[played_experiments(U)]
+            known = known[_played_experiments(known)]
+            size, u, U = rms(known), u[_played_experiments(U)], U[_played_experiments(U)]
         if excited.is_zippered:
-            own = size > MIN_PLAYED_AMPLITUDE * size.max()
+            own = size > _MIN_PLAYED_AMPLITUDE * size.max()
         peaks = warn_of_low_crest(u, size[own], lines=lines[own], name=name)
         low = have_low_crest(peaks)
         corrections.append(crest_correction(U[:, own], lines[own], low))
@@ -124,16 +124,16 @@ def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, play
         if is_improbable(peaks):
             break
     ratio, coherent_share = (sum(one) / len(corrections) for one in zip(*corrections, strict=True))
-    return CrestCorrection(distortion_ratio=ratio, coherent_share=coherent_share, has_low_crest=any_low)
+    return _CrestCorrection(distortion_ratio=ratio, coherent_share=coherent_share, has_low_crest=any_low)
 
 
-def played_experiments(U: np.ndarray) -> np.ndarray:
+def _played_experiments(U: np.ndarray) -> np.ndarray:
     """Return an (M,) mask of the experiments in which an input U (M, F) was played."""
     size = power(U)
-    return np.asarray(size > MIN_PLAYED_AMPLITUDE**2 * size.max())
+    return np.asarray(size > _MIN_PLAYED_AMPLITUDE**2 * size.max())
 
 
-def require_equal_sets(record: Record, excited: Spectra) -> None:
+def _require_equal_sets(record: Record, excited: Spectra) -> None:
     """Refuse sets whose input power differs from that of the others."""
     if excited.U.shape[1] == excited.experiments_per_set:
         return
@@ -152,7 +152,7 @@ def require_equal_sets(record: Record, excited: Spectra) -> None:
         require_equal_spectra(own, f"set of {name}", first_number=1)
 
 
-def require_excited_lines(record: Record, excited: Spectra) -> None:
+def _require_excited_lines(record: Record, excited: Spectra) -> None:
     """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
     for side, spectrum in (("input", excited.U), ("reference", excited.R)):
         if spectrum is None:
@@ -160,7 +160,7 @@ def require_excited_lines(record: Record, excited: Spectra) -> None:
         # of several inputs some experiment has to drive a line
         power = excited.power_U if side == "input" else squared_modulus(spectrum)
         power = power if excited.experiments_per_set == 1 else np.mean(power, axis=1, keepdims=True)
-        faintest = MIN_LINE_POWER * power.max(axis=(1, 2), keepdims=True)
+        faintest = _MIN_LINE_POWER * power.max(axis=(1, 2), keepdims=True)
         if (power <= faintest).any():
             i, _, k = np.argwhere(power <= faintest)[0]
             every, there = ("the", "") if record.is_single else ("every", f" in {record.inputs[i]}")
@@ -169,24 +169,24 @@ def require_excited_lines(record: Record, excited: Spectra) -> None:
             )
 
 
-def warn_of_lost_input(excited: Spectra) -> None:
+def _warn_of_lost_input(excited: Spectra) -> None:
     """Warn of lines of a reference on which the only input, over all realisations, is no more than its noise."""
     R = excited.excitation[0]
     U = np.add.reduce(excited.U[0] * (R.conj() / np.abs(R)))
     noise = np.add.reduce(squared_modulus(excited.dU[0]), axis=(0, 1)) if excited.dU.shape[2] else np.nan
-    lost = np.count_nonzero(squared_modulus(U) < MIN_POWER_OVER_NOISE * noise)
-    if lost > MAX_LOST_SHARE * U.size:
+    lost = np.count_nonzero(squared_modulus(U) < _MIN_POWER_OVER_NOISE * noise)
+    if lost > _MAX_LOST_SHARE * U.size:
         data_warning(
             f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
             "the excitation G is one piece of noise over another"
         )
 
 
-def warn_of_copies(excited: Spectra) -> None:
+def _warn_of_copies(excited: Spectra) -> None:
     """Warn of inputs, or experiments, that have the phases of one another."""
-    if excited.lines.size <= FEW_PHASE_LINES:
+    if excited.lines.size <= _FEW_PHASE_LINES:
         return
-    if find_phase_copies(excited.excitation).any():
+    if _find_phase_copies(excited.excitation).any():
         data_warning(
             "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would read 3 sigma^2 "
             "instead of sigma^2; give each input phases of its own, as multisine(n_inputs=) does"
@@ -200,7 +200,7 @@ def warn_of_copies(excited: Spectra) -> None:
         )
 
 
-def warn_of_dependent_inputs(excited: Spectra) -> bool:
+def _warn_of_dependent_inputs(excited: Spectra) -> bool:
     """Refuse linearly dependent inputs; warn, and return True, of ill-conditioned ones, which amplify noise."""
     U = excited.U
     n_u, _M, F = U.shape
@@ -210,40 +210,40 @@ def warn_of_dependent_inputs(excited: Spectra) -> bool:
     condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
     worst = float(condition.max())
     line = int(excited.lines[int(condition.max(axis=0).argmax())])
-    if worst > MAX_CONDITION:
+    if worst > _MAX_CONDITION:
         raise ValueError(
             f"u must hold experiments that tell the inputs apart, got a condition of {worst:.2g} at line {line}. "
             "Are two experiments the same?"
         )
-    if worst > HIGH_CONDITION:
+    if worst > _HIGH_CONDITION:
         data_warning(
             f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {line}, "
             f"{float(np.median(condition)):.3g} in the median; errors of G grow by it, unless a mixing "
             "for the weak direction of the plant was meant"
         )
-    return worst > HIGH_CONDITION
+    return worst > _HIGH_CONDITION
 
 
-def find_phase_copies(Z: np.ndarray) -> np.ndarray:
+def _find_phase_copies(Z: np.ndarray) -> np.ndarray:
     """Return (M, n, n) bool: which channels of Z (n, M, F) have the same phases but for a constant."""
     phase = Z / np.maximum(np.abs(Z), 1e-300)
     like = np.abs(np.einsum("imf,jmf->mij", phase, phase.conj())) / Z.shape[2]
-    return np.asarray((like > MIN_COPY_COHERENCE) & ~np.eye(len(Z), dtype=bool))
+    return np.asarray((like > _MIN_COPY_COHERENCE) & ~np.eye(len(Z), dtype=bool))
 
 
 def count_independent_experiments(excited: Spectra) -> int:
     """Count the experiments that have phases of their own in every input."""
     Z = excited.excitation
-    if len(Z) == 1 or Z.shape[2] <= FEW_PHASE_LINES:
+    if len(Z) == 1 or Z.shape[2] <= _FEW_PHASE_LINES:
         return Z.shape[1]
-    same_phases = np.all(find_phase_copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
+    same_phases = np.all(_find_phase_copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
     return sum(not same_phases[m, :m].any() for m in range(len(same_phases)))
 
 
-def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
+def _warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
     """Warn of inputs below their noise on some lines, where no references over several sets average it."""
     noise = np.sum(squared_modulus(excited.dU), axis=(1, 2)) / np.maximum(np.sum(excited.power_U, axis=1), TINY)
-    lost = noise > MAX_INPUT_NOISE
+    lost = noise > _MAX_INPUT_NOISE
     if (excited.R is None or excited.U.shape[1] == record.n_inputs) and lost.any():
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
         data_warning(
@@ -263,13 +263,13 @@ def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
     noise = np.sum(squared_modulus(excited.dY), axis=2)  # (n_y, M, F)
     size = np.mean(squared_modulus(excited.Y), axis=1)
     mean = noise.mean(axis=1)
-    if noise.shape[1] < 2 or not np.any(mean > SCATTER_ROUNDING**2 * size):
+    if noise.shape[1] < 2 or not np.any(mean > _SCATTER_ROUNDING**2 * size):
         return
-    floor = SCATTER_ROUNDING**2 * size + TINY
+    floor = _SCATTER_ROUNDING**2 * size + TINY
     share = np.median(np.minimum(mean / (np.einsum("jjk->jk", cov_total).real + floor), 1.0), axis=1)
     own = np.mean((noise + floor[:, None]) / (mean + floor)[:, None], axis=2)  # (n_y, M), one in the mean
     louder = np.max(1 + share[:, None] * (own - 1), axis=0)
-    if louder.max() > MAX_EXPERIMENT_NOISE + 2 / np.sqrt(size.shape[1] * (excited.n_periods - 1)):
+    if louder.max() > _MAX_EXPERIMENT_NOISE + 2 / np.sqrt(size.shape[1] * (excited.n_periods - 1)):
         worst = int(louder.argmax())
         others = np.delete(noise, worst, axis=1).mean(axis=1)
         times = float(np.sqrt((noise[:, worst].mean(axis=1) / np.maximum(others.mean(axis=1), TINY)).max()))

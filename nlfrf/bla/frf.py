@@ -24,27 +24,27 @@ from nlfrf.bla.realizations import pair_equal_steps
 from nlfrf.bla.spectra import Spectra, residual_scatter
 
 #: Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong together.
-MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
+_MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
 #: The same for an output of several experiments: 0.3 and more where experiments were exchanged. A correct matrix that
 #: bends within a few lines has up to 0.3; one experiment that differs from the others is found before.
 MAX_MATRIX_ROUGHNESS_OVER_GAIN = 0.2
-N_SPARE_LINES = 2  # lines more than the half: few lines are rough by chance
-MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
+_N_SPARE_LINES = 2  # lines more than the half: few lines are rough by chance
+_MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
 #: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
 #: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
-OUTLIER_OVER_LEVEL, OUTLIER_OVER_SCATTER, OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
+_OUTLIER_OVER_LEVEL, _OUTLIER_OVER_SCATTER, _OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
 #: A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is smooth there.
-INTEGRATORS = (0, 1, 2)
+_INTEGRATORS = (0, 1, 2)
 #: Second line over the first, above which the first is not judged by its neighbours: from there it is extrapolated, and
 #: the corner of a viscous friction below it turns G by more than they say (the belt preset in motion: 1.5 and 4.5 Hz).
-MAX_FIRST_RATIO = 1.5
-MAINS_FREQUENCIES = 50.0, 60.0  # Hz
+_MAX_FIRST_RATIO = 1.5
+_MAINS_FREQUENCIES = 50.0, 60.0  # Hz
 OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
-MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
-CHANCE_MATCH_PROBABILITY = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
-MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which to warn that y follows no input
-MIN_RELATIVE_SCATTER = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
-MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
+_MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
+_CHANCE_MATCH_PROBABILITY = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
+_MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which to warn that y follows no input
+_MIN_RELATIVE_SCATTER = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
+_MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
 
 
 class FrmEstimate(NamedTuple):
@@ -96,7 +96,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     the noise on the inputs (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
     """
     n_u, n_y = len(excited.U), len(excited.Y)
-    U, Y = split_into_sets(excited.U, n_u), split_into_sets(excited.Y, n_u)
+    U, Y = _split_into_sets(excited.U, n_u), _split_into_sets(excited.Y, n_u)
     R = len(U)
     W = inverse(U)
     each, gamma_each = product(Y, W), product(adjoint(W), W)
@@ -111,7 +111,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
             share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
     else:
-        Z = split_into_sets(excited.R, n_u)
+        Z = _split_into_sets(excited.R, n_u)
         Z = adjoint(Z / np.sqrt(np.add.reduce(squared_modulus(Z), axis=2, keepdims=True) / n_u))
         inverted = inverse(np.add.reduce(product(U, Z)))
         G = product(np.add.reduce(product(Y, Z)), inverted)
@@ -144,7 +144,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     )
 
 
-def split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
+def _split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
     """Reshape (n, R n_u, F) to (R, n, n_u, F): channels x experiments of each set."""
     return X.reshape(len(X), -1, n_u, X.shape[-1]).swapaxes(0, 1)
 
@@ -168,8 +168,8 @@ def warn_of_rough_frf(
     bool
         Whether it warned.
     """
-    jumps = (rough > MAX_ROUGHNESS_OVER_LEVEL * level) & (rough > share * size)
-    is_rough = np.count_nonzero(jumps) > jumps.size / 2 + N_SPARE_LINES
+    jumps = (rough > _MAX_ROUGHNESS_OVER_LEVEL * level) & (rough > share * size)
+    is_rough = np.count_nonzero(jumps) > jumps.size / 2 + _N_SPARE_LINES
     if is_rough:
         of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
@@ -217,19 +217,19 @@ def warn_of_outlier_lines(
     """
     if (
         f.size < FEW_LINES
-        or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > OUTLIER_CANDIDATE * len(G) * level).any()
+        or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > _OUTLIER_CANDIDATE * len(G) * level).any()
     ):
         return np.zeros(f.size)
     outlier_power = np.full(f.size, np.inf)
-    for order in INTEGRATORS:
+    for order in _INTEGRATORS:
         slope = f**order
         deviation, scatter, spread = leave_one_out_residual(G * slope, index)
         scatter = np.mean(scatter / slope**2 / gamma, axis=0)
-        by_chance = np.maximum(OUTLIER_OVER_SCATTER * scatter, OUTLIER_OVER_LEVEL * level)
+        by_chance = np.maximum(_OUTLIER_OVER_SCATTER * scatter, _OUTLIER_OVER_LEVEL * level)
         deviation_power = np.mean(squared_modulus(deviation / slope) / gamma, axis=0)
         found = np.where(deviation_power > spread * by_chance, deviation_power, 0.0)
         outlier_power = np.minimum(outlier_power, found)
-    if f[1] > MAX_FIRST_RATIO * f[0]:
+    if f[1] > _MAX_FIRST_RATIO * f[0]:
         outlier_power[0] = 0.0
     out = np.flatnonzero(outlier_power)
     if not out.size:
@@ -238,7 +238,7 @@ def warn_of_outlier_lines(
     worst = int(out[np.argmax(outlier_power[out] / level[out])])
     half = (f[1:] - f[:-1]).min() / 2
     hum = next(
-        (m for m in MAINS_FREQUENCIES if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)),
+        (m for m in _MAINS_FREQUENCIES if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)),
         None,
     )
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
@@ -284,10 +284,10 @@ def check_outputs_follow_input(
         spread = (n - 1) * frm.cov_scatter[j, j].real * gamma if n > 1 else None
         if n == 1 and fit is not None:
             spread = fit.variance[0, j, 0]
-        if spread is not None and np.add.reduce(spread) <= MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
+        if spread is not None and np.add.reduce(spread) <= _MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
             continue  # one that follows another input would scatter by more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
-        has_warned |= check_follows(name, excited.Y[j], input_name="u", U=excited.U[0], noise=noise, steps=steps)
+        has_warned |= _check_follows(name, excited.Y[j], input_name="u", U=excited.U[0], noise=noise, steps=steps)
     return has_warned
 
 
@@ -296,12 +296,12 @@ def check_input_follows_reference(excited: Spectra) -> None:
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
-        check_follows(
+        _check_follows(
             "u", excited.U[0], input_name="r", U=excited.R[0], noise=noise, steps=pair_equal_steps(excited.index)
         )
 
 
-def check_follows(
+def _check_follows(
     output_name: str, Y: np.ndarray, *, input_name: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray
 ) -> bool:
     """Check that Y (M, F) of each realisation follows its own U.
@@ -310,18 +310,18 @@ def check_follows(
     variance of Y / U by noise over its squared modulus, nan where it is not known.
     """
     n, n_steps = len(Y), steps.shape[1]
-    if n_steps < MIN_STEP_PAIRS:
+    if n_steps < _MIN_STEP_PAIRS:
         return False
     chance = 1 / np.sqrt(2 * n_steps)
-    each = unit_phasors(Y) * unit_phasors(U).conj()
-    alone = np.add.reduce(second_phase_differences(each, steps).real, axis=1) < MAX_CHANCE_SIGMAS * chance * n_steps
+    each = _unit_phasors(Y) * _unit_phasors(U).conj()
+    alone = np.add.reduce(_second_phase_differences(each, steps).real, axis=1) < _MAX_CHANCE_SIGMAS * chance * n_steps
     if not alone.any():
-        require_same_sign(output_name, each)
+        _require_same_sign(output_name, each)
         return False
     common = (
-        second_phase_differences(unit_phasors(Y), steps) @ second_phase_differences(unit_phasors(U), steps).conj().T
+        _second_phase_differences(_unit_phasors(Y), steps) @ _second_phase_differences(_unit_phasors(U), steps).conj().T
     ).real / n_steps
-    sure = chance_sigmas(n * n) * chance
+    sure = _chance_sigmas(n * n) * chance
     pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > sure]
     if pairs:
         who = ", ".join(
@@ -331,9 +331,9 @@ def check_follows(
             f"{output_name} must follow the {input_name} of its own realisation, got {who}"
             f"{', ...' if len(pairs) > 4 else ''}, by the phases of all lines: are the files of both in one order?"
         )
-    quiet = ~(np.median(noise, axis=1) > MAX_RELATIVE_NOISE)  # or nothing is known of it
+    quiet = ~(np.median(noise, axis=1) > _MAX_RELATIVE_NOISE)  # or nothing is known of it
     mismatched = np.flatnonzero(alone & quiet)
-    warns = mismatched.size > 0 and n_steps >= MIN_WARNING_STEP_PAIRS
+    warns = mismatched.size > 0 and n_steps >= _MIN_WARNING_STEP_PAIRS
     if warns:
         who = ", ".join(map(str, mismatched[:6])) + (", ..." if mismatched.size > 6 else "")
         data_warning(
@@ -343,11 +343,11 @@ def check_follows(
     return warns
 
 
-def require_same_sign(output_name: str, phases: np.ndarray) -> None:
+def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
     """Refuse phases (M, F) of one realisation that have another sign than those of the others."""
     n, n_lines = phases.shape
     agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines  # with the others
-    turned = np.flatnonzero(agree < -chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
+    turned = np.flatnonzero(agree < -_chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         which = (
             "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
@@ -355,20 +355,20 @@ def require_same_sign(output_name: str, phases: np.ndarray) -> None:
         raise ValueError(f"{output_name} must have one sign, got: {which}; was it rewired, or is it half a turn late?")
 
 
-def chance_sigmas(n: int) -> float:
-    """Return how many sigmas the largest of n means of random phases exceeds with `CHANCE_MATCH_PROBABILITY`.
+def _chance_sigmas(n: int) -> float:
+    """Return how many sigmas the largest of n means of random phases exceeds with `_CHANCE_MATCH_PROBABILITY`.
 
     An upper bound: such means have lighter tails than a normal distribution.
     """
-    return float(np.sqrt(2 * np.log(n / CHANCE_MATCH_PROBABILITY)))
+    return float(np.sqrt(2 * np.log(n / _CHANCE_MATCH_PROBABILITY)))
 
 
-def unit_phasors(x: np.ndarray) -> np.ndarray:
+def _unit_phasors(x: np.ndarray) -> np.ndarray:
     """Return x / |x|; zero where x is zero."""
     return np.asarray(x / np.maximum(np.abs(x), TINY))
 
 
-def second_phase_differences(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def _second_phase_differences(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Return (M, n) second differences of the phase of unit phasors (M, F), over pairs of equal steps between lines."""
     step = phases[:, 1:] * phases[:, :-1].conj()
     return np.asarray(step.take(steps[0], axis=1) * step.take(steps[1], axis=1).conj())

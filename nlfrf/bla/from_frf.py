@@ -20,9 +20,9 @@ from nlfrf.signals.lines import LineGrid
 
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
 KNOWN_DOF = 1e6
-MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase
-ROUNDING = 1e-6  # of a coherence, below which digits were lost in computing it, and not when it was written
-MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
+_MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase
+_ROUNDING = 1e-6  # of a coherence, below which digits were lost in computing it, and not when it was written
+_MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
 
 
 @keep_warnings
@@ -118,12 +118,12 @@ def bla_from_frf(
             "10**(dB/20) * np.exp(1j*np.radians(degrees)) of decibels and degrees, magnitude * np.exp(1j*phase) of a "
             "magnitude, G + 0j of a gain that turns no phase"
         )
-    if not G.imag.any() and np.ptp(G.real, axis=-1).max() > MAX_GAIN_VARIATION * np.abs(G.real).max():
+    if not G.imag.any() and np.ptp(G.real, axis=-1).max() > _MAX_GAIN_VARIATION * np.abs(G.real).max():
         data_warning(
             "G is real on every line and varies, as an FRF without its phase does, or decibels: every model of it is "
             "then wrong; give G with its phase"
         )
-    variance, dof = entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
+    variance, dof = _entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
@@ -131,7 +131,7 @@ def bla_from_frf(
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
     n_y, n_u = G.shape[:2] if several else (1, 1)
-    of_output, of_input = bound_by_product(variance.reshape(n_y, n_u, f.size))
+    of_output, of_input = _bound_by_product(variance.reshape(n_y, n_u, f.size))
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
     nan = np.full(cov.shape, np.nan, dtype=complex)
     levels = levels_without_detection(f, np.full(f.size, np.nan))
@@ -162,7 +162,7 @@ def bla_from_frf(
     )
 
 
-def entry_variances(
+def _entry_variances(
     G: np.ndarray, *, std: ArrayLike | None, coherence: ArrayLike | None, n_averages: float | None
 ) -> tuple[np.ndarray, float]:
     """Return the variance of each entry, of the shape of G, and the complex degrees of freedom behind it."""
@@ -190,20 +190,20 @@ def entry_variances(
     if np.all(numbers == 1):
         raise ValueError("coherence must be below 1 on some lines, got 1 on all, as a single average has it: give std")
     below = np.minimum(numbers, numbers[numbers < 1].max())
-    if np.max(numbers - below) > ROUNDING:
+    if np.max(numbers - below) > _ROUNDING:
         data_warning(
             f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is taken"
         )
     return (1 - below) / below * np.abs(G) ** 2 / (n - 1), n - 1
 
 
-def bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (n_y, F) and (n_u, F) whose product equals the variances (n_y, n_u, F), or is the least bound above."""
     # rank one in the logarithm: exact where every input meets the same residual of an output
     of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
     of_input = np.max(variance / of_output[:, None], axis=0)
     raised = np.sqrt(np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2))
-    if raised.max() > MAX_RAISED_STD:
+    if raised.max() > _MAX_RAISED_STD:
         j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
         data_warning(
             f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: with "

@@ -69,14 +69,14 @@ def singular_values(
         for i in range(sigma.shape[1]):
             first, rest = slice(0, i + 1), slice(i, None)
             moved = [
-                largest_singular_values(out[:, first] / sigma[:, first, None] ** a)
-                * largest_singular_values(into[:, :, first] / sigma[:, None, first] ** (1 - a))
+                _largest_singular_values(out[:, first] / sigma[:, first, None] ** a)
+                * _largest_singular_values(into[:, :, first] / sigma[:, None, first] ** (1 - a))
                 for a in (0.0, 0.5, 1.0)
             ]
             low[:, i] = sigma[:, i] * np.maximum(1 - np.nan_to_num(np.min(moved, axis=0), nan=np.inf), 0.0)
             high[:, i] = sigma[:, i] + np.minimum(
-                largest_singular_values(left) * largest_singular_values(into[:, :, rest]),
-                largest_singular_values(out[:, rest]) * largest_singular_values(right),
+                _largest_singular_values(left) * _largest_singular_values(into[:, :, rest]),
+                _largest_singular_values(out[:, rest]) * _largest_singular_values(right),
             )
     low = np.where(sigma > 0, low, 0.0)
     return sigma.T, low.T, high.T
@@ -188,7 +188,7 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     return np.sqrt(scale * np.moveaxis(variance, 0, 2))
 
 
-def largest_singular_values(matrices: np.ndarray) -> np.ndarray:
+def _largest_singular_values(matrices: np.ndarray) -> np.ndarray:
     """Return the (F,) largest singular value of each matrix; inf where it holds an infinite number."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
     size = np.linalg.norm(np.where(finite[:, None, None], matrices, 0.0), 2, (1, 2))

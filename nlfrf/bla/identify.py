@@ -110,7 +110,7 @@ def identify(
     require_choice("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
-        return identify_record(record, None, transient=transient, level_from=level_from, n_detection=n_detection)
+        return _identify_record(record, None, transient=transient, level_from=level_from, n_detection=n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
         raise ValueError(
             f"record must be a Record or a list of them, got {short_form(record)}; see record_from_samples"
@@ -122,12 +122,12 @@ def identify(
         if U is None:
             U = channel_dft(one.u, index_lines(one.lines, n_detection).lines)
             known.append((one, U))
-        blas.append(identify_record(one, U, transient=transient, level_from=level_from, n_detection=n_detection))
+        blas.append(_identify_record(one, U, transient=transient, level_from=level_from, n_detection=n_detection))
     return blas
 
 
 @keep_warnings
-def identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
+def _identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
     """Identify one record; U are the spectra of its inputs where they are known already."""
     spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient=transient, U=U)
     spectra, excited, crest = check_experiments(record, spectra)
@@ -158,13 +158,13 @@ def identify_record(record: Record, U: np.ndarray | None, *, transient: str, lev
         n_independent=count_independent_experiments(excited),
     )
     if source == "detection" and not mispaired:
-        distortion = add_outlier_power(record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion)
+        distortion = _add_outlier_power(record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion)
     if not record.is_single:
         warn_of_noisy_experiment(excited, distortion.cov)
     if between is not None:
         gamma, cov = bound_interpolated_columns(between, frm.gamma, cov=distortion.cov_bound, n_sets=len(frm.G_each))
         frm, distortion = frm._replace(gamma=gamma), distortion._replace(cov_bound=cov)
-    return assemble_bla(
+    return _assemble_bla(
         record,
         treatment,
         source=source,
@@ -176,7 +176,7 @@ def identify_record(record: Record, U: np.ndarray | None, *, transient: str, lev
     )
 
 
-def add_outlier_power(
+def _add_outlier_power(
     record: Record,
     excited: Spectra,
     *,
@@ -222,7 +222,7 @@ def add_outlier_power(
     return distortion.with_minimum(outlier_power)
 
 
-def assemble_bla(
+def _assemble_bla(
     record: Record,
     treatment: str,
     *,
@@ -263,7 +263,7 @@ def assemble_bla(
         dof=distortion.dof,
         level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
         grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
-        levels=output_levels(record, excited, residual),
+        levels=_output_levels(record, excited, residual),
         typical=typical,
         inputs=record.inputs,
         outputs=record.outputs,
@@ -272,7 +272,7 @@ def assemble_bla(
     )
 
 
-def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
+def _output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
     """Return the amplitudes of every output on each kind of line."""
     grid, index, f0 = record.lines, excited.index, record.f0
     noise = np.sqrt(residual.noise)

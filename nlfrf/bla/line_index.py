@@ -13,7 +13,7 @@ from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
 N_CACHED_GRIDS = 16  # grids that are remembered: those of one experiment, and of the next
-N_ODD_BELOW_BAND = 2  # detection lines below the band
+_N_ODD_BELOW_BAND = 2  # detection lines below the band
 WINDOW_LINES = 9  # excited lines over which an FRF is fitted locally
 SMOOTHING_LINES = 9  # neighbouring lines over which powers and gains are averaged before they are compared
 
@@ -60,7 +60,7 @@ class LineIndex:
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
     """Return the lines of a grid in one row, with windows of `n_detection` detection lines."""
-    detection = np.concatenate([odd_lines_below_band(grid), grid.odd])
+    detection = np.concatenate([_odd_lines_below_band(grid), grid.odd])
     lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
     excited, odd, even = (np.searchsorted(lines, np.asarray(kind)) for kind in (grid.excited, grid.odd, grid.even))
     near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
@@ -78,14 +78,14 @@ def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
         detection=detection,
         excited_windows=nearest_lines(grid.excited, grid.excited, WINDOW_LINES),
         odd_windows=near_odd,
-        detection_windows=move_window_axis_first(near_detection),
-        even_windows=move_window_axis_first(even[near_even][None]),
+        detection_windows=_move_window_axis_first(near_detection),
+        even_windows=_move_window_axis_first(even[near_even][None]),
         excited_below=below,
         interpolation_weight=np.maximum(lines - grid.excited[below], 0) / step,
     )
 
 
-def odd_lines_below_band(grid: LineGrid) -> np.ndarray:
+def _odd_lines_below_band(grid: LineGrid) -> np.ndarray:
     """Return the odd lines just below the band, within an octave: without them the first windows are one-sided.
 
     A level that falls with frequency, as that of a hysteresis does, reads too low in a one-sided window. A grid whose
@@ -95,11 +95,11 @@ def odd_lines_below_band(grid: LineGrid) -> np.ndarray:
     n_odd = grid.odd.size + np.count_nonzero(grid.excited % 2)
     if not grid.odd.size or n_odd < (last + 1) // 2 - first // 2:
         return np.empty(0, dtype=np.int64)
-    below = np.arange(first - 2 * N_ODD_BELOW_BAND, first, 2)
+    below = np.arange(first - 2 * _N_ODD_BELOW_BAND, first, 2)
     return below[(2 * below > first) & (below % 2 == 1)]
 
 
-def move_window_axis_first(windows: np.ndarray) -> np.ndarray:
+def _move_window_axis_first(windows: np.ndarray) -> np.ndarray:
     """Return windows (k, F, n) as (n, k, F), so that sums over a window run through memory in order."""
     return np.ascontiguousarray(np.moveaxis(windows, -1, 0))
 

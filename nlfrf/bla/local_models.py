@@ -24,24 +24,26 @@ from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
 from nlfrf.signals.lines import local_mean
 
 POLYNOMIAL_ORDER = 2  # of both polynomials, which are written out here
-N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
-N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function
+_N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
+_N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function
 #: Residual variance of the rational over the polynomial model below which it is used: at 0.5 it fitted noise alone in
 #: one window of five.
 RATIONAL_VARIANCE_RATIO = 0.25
 N_POOLED_WINDOWS = 9  # neighbouring lines over which that ratio is averaged
-MIN_NOISE_SHARE = 0.5  # share of the known noise that a roughness shows at least
+_MIN_NOISE_SHARE = 0.5  # share of the known noise that a roughness shows at least
 NOISE_SMOOTHING_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
 #: Denominator, against that at the line itself: a pole of the fit near the window is no distortion.
-MIN_DENOMINATOR = 0.1
+_MIN_DENOMINATOR = 0.1
 MIN_FIT_LINES = POLYNOMIAL_ORDER + 3  # lines that leave two degrees of freedom
-GLOBAL_ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
-MIN_RESIDUAL_DOF = 7.0  # complex degrees of freedom that it leaves at least
-N_REWEIGHTED_STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
-MIN_FLATNESS = 1 - 1e-9  # least over largest weight of a spectrum that is flat
-N_CACHED_FITS = 4  # grids whose fits are remembered: two kilobytes a line
+_GLOBAL_ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
+_MIN_RESIDUAL_DOF = 7.0  # complex degrees of freedom that it leaves at least
+_N_REWEIGHTED_STEPS = (
+    6  # towards the output error of the rational function, each with the denominator of the one before
+)
+_MIN_FLATNESS = 1 - 1e-9  # least over largest weight of a spectrum that is flat
+_N_CACHED_FITS = 4  # grids whose fits are remembered: two kilobytes a line
 #: Of the variance about the local fits, beyond which it is left at those: chance has as much.
-MAX_GLOBAL_VARIANCE_RATIO = 0.5
+_MAX_GLOBAL_VARIANCE_RATIO = 0.5
 
 
 class LocalFit(NamedTuple):
@@ -96,17 +98,19 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
     n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
     weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
     G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
-    value, a, (rest, rational_rest), (variance, rational_variance), used = fit_polynomial_and_rational(G, weight, index)
+    value, a, (rest, rational_rest), (variance, rational_variance), used = _fit_polynomial_and_rational(
+        G, weight, index
+    )
     better = used[:, None]
     dof = np.full(variance.shape, float(n - POLYNOMIAL_ORDER - 1))
     denominator: np.ndarray | float = 1.0
     least = np.zeros(variance.shape)
     if better.any():
-        _, powers, _ = local_powers(index)
+        _, powers, _ = _local_powers(index)
         inverse = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:]))[:, None], 1.0)
         dof_r = n - POLYNOMIAL_ORDER - 1 - 2 / n_u
         # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
-        flat = power(rational_rest / np.maximum(inverse, MIN_DENOMINATOR)) / dof_r
+        flat = power(rational_rest / np.maximum(inverse, _MIN_DENOMINATOR)) / dof_r
         variance = np.where(better, np.maximum(rational_variance, flat), variance)
         dof = np.where(better, dof_r, dof)
         rest = np.where(better[..., None], rational_rest, rest) if several else rest
@@ -115,13 +119,13 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
     if noise is not None:
         smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_SMOOTHING_LINES)
         # and not far under the noise that is known to be there
-        share = noise_correction(variance, denominator, smooth=smooth, window=index.excited_windows)
-        least = MIN_NOISE_SHARE * smooth
+        share = _noise_correction(variance, denominator, smooth=smooth, window=index.excited_windows)
+        least = _MIN_NOISE_SHARE * smooth
         variance = np.maximum(variance * share, least)
     square = weight**2
     variance, least = variance / square, least / square
     if index.excited.size < FEW_LINES:
-        value, variance = apply_global_model(
+        value, variance = _apply_global_model(
             value, variance, G=G, weight=weight, lines=index.lines[index.excited].astype(float), noise_variance=least
         )
     return LocalFit(
@@ -132,7 +136,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
     )
 
 
-def apply_global_model(
+def _apply_global_model(
     value: np.ndarray,
     variance: np.ndarray,
     *,
@@ -160,7 +164,7 @@ def apply_global_model(
         highest = variances.max()
         pooled = highest * np.sqrt(likelihood @ (variances / highest) ** 2 / likelihood.sum())
         pooled = np.maximum(pooled, noise_variance[m])
-        if np.mean(np.log(pooled) - np.log(np.maximum(variance[m], TINY))) < np.log(MAX_GLOBAL_VARIANCE_RATIO):
+        if np.mean(np.log(pooled) - np.log(np.maximum(variance[m], TINY))) < np.log(_MAX_GLOBAL_VARIANCE_RATIO):
             less = pooled < variance[m]
             value[m][less], variance[m][less] = whole[less], pooled[less]
     return value, variance
@@ -176,15 +180,15 @@ def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) ->
     relative = weight / np.maximum(size, EPS * size.max() + SMALL_NORM)
     s = 1j * lines / np.sqrt(lines[0] * lines[-1])
     best, lowest, degrees = G, np.inf, 0.0
-    for order in GLOBAL_ORDERS:
+    for order in _GLOBAL_ORDERS:
         left = lines.size - order - 0.5  # half of 2 n + 1 real coefficients
-        if left < MIN_RESIDUAL_DOF:
+        if left < _MIN_RESIDUAL_DOF:
             break
         powers = s[:, None] ** np.arange(order + 1)
         columns = np.concatenate([powers, -G[:, None] * powers[:, 1:]], axis=1)
         scale = relative
-        for _ in range(N_REWEIGHTED_STEPS):
-            x = solve_real_least_squares(columns * scale[:, None], G * scale)
+        for _ in range(_N_REWEIGHTED_STEPS):
+            x = _solve_real_least_squares(columns * scale[:, None], G * scale)
             denominator = 1 + powers[:, 1:] @ x[order + 1 :]
             if not denominator.all():
                 break
@@ -196,7 +200,7 @@ def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) ->
     return best, degrees
 
 
-def solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve A x = b for real x (p,) by least squares, A (n, p) and b complex, columns scaled to one norm."""
     stacked = np.concatenate([A.real, A.imag])
     scale = np.sqrt(np.vecdot(stacked.T, stacked.T))
@@ -217,10 +221,10 @@ def is_stable(a: np.ndarray) -> bool:
 
 def is_flat(amplitude: np.ndarray) -> bool:
     """Return whether each of the spectra (..., F) is the same on all lines."""
-    return bool((amplitude.min(axis=-1) >= MIN_FLATNESS * amplitude.max(axis=-1)).all())
+    return bool((amplitude.min(axis=-1) >= _MIN_FLATNESS * amplitude.max(axis=-1)).all())
 
 
-def fit_polynomial_and_rational(
+def _fit_polynomial_and_rational(
     G: np.ndarray, weight: np.ndarray, index: LineIndex
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
     """Fit FRFs (M, E, F) over the windows of `index`, weighted by `weight` (M, E, F): polynomials, a rational model.
@@ -238,22 +242,22 @@ def fit_polynomial_and_rational(
     use_rational : (M, F) bool ndarray
         Where the denominator has earned its place.
     """
-    window, (r, powers, centred) = index.excited_windows, local_powers(index)
+    window, (r, powers, centred) = index.excited_windows, _local_powers(index)
     (M, E, F), n = G.shape, window.shape[1]
     row = (weight * G).take(window, axis=-1)
     if is_flat(weight):  # as it was designed: then the grid alone tells the fits
-        fitted = (unweighted_fits(index) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
-        rest, at_zero = fitted[..., :-N_POWERS].reshape(M, E, F, N_POWERS, n), fitted[..., -N_POWERS:]
+        fitted = (_unweighted_fits(index) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
+        rest, at_zero = fitted[..., :-_N_POWERS].reshape(M, E, F, _N_POWERS, n), fitted[..., -_N_POWERS:]
         at_zero = at_zero / weight[..., None]
     else:
-        basis, basis_at_zero = orthonormal_polynomials(r, weight.take(window, axis=-1))
-        spanned, rest = project_onto_rows(basis, row, powers)
+        basis, basis_at_zero = _orthonormal_polynomials(r, weight.take(window, axis=-1))
+        spanned, rest = _project_onto_rows(basis, row, powers)
         at_zero = np.matvec(spanned, basis_at_zero)
     left = rest[..., 0, :]
     variance = variance_r = power(left) / (n - POLYNOMIAL_ORDER - 1)
     a, remainder, better = at_zero[:, 0, :, 1:], left, np.zeros((M, F), dtype=bool)
-    if n >= N_RATIONAL_UNKNOWNS + 3:
-        a, remainder = two_unknowns(rest.transpose(0, 2, 3, 1, 4).reshape(M, F, N_POWERS, E * n))
+    if n >= _N_RATIONAL_UNKNOWNS + 3:
+        a, remainder = two_unknowns(rest.transpose(0, 2, 3, 1, 4).reshape(M, F, _N_POWERS, E * n))
         remainder = remainder.reshape(M, F, E, n).swapaxes(1, 2)
         variance_r = power(remainder) / (n - POLYNOMIAL_ORDER - 1 - 2 / E)
         # at the ends of the band windows are one-sided and the same: there it is as where they are centred
@@ -268,7 +272,7 @@ def fit_polynomial_and_rational(
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the distances r (F, n) in each window, from -1 to 1, and the columns 1, -r, -r^2 of the fit (F, 3, n).
 
     And for each line the nearest one whose window is centred (F,).
@@ -287,7 +291,7 @@ def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return r, powers, centred
 
 
-def noise_correction(
+def _noise_correction(
     variance: np.ndarray, denominator: np.ndarray | float, *, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
     """Return the factor (M, F) on a variance whose smoothed noise differs over the window, weighted as the residual."""
@@ -297,7 +301,7 @@ def noise_correction(
     return np.asarray((distortion + smooth) / total)
 
 
-def orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute the polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under weights w^2.
 
     Returns w p (..., F, 3, n) and p(0) (..., F, 3), by their three-term recurrence (Forsythe, 1957).
@@ -331,39 +335,39 @@ def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray,
         Variance of `residual` over that of one line.
     """
     around = G.take(index.excited_windows[:, 1:], axis=-1)
-    (basis,), (at_zero,) = unweighted_polynomials(index, with_center=False)
+    (basis,), (at_zero,) = _unweighted_polynomials(index, with_center=False)
     spanned = np.vecdot(basis, around[..., None, :])
     scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[-1] - POLYNOMIAL_ORDER - 1)
     return G - np.vecdot(at_zero, spanned), scatter, 1 + power(at_zero)
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return `orthonormal_polynomials` under a weight of one, over each line and its neighbours or these alone."""
-    r = local_powers(index)[0][:, 0 if with_center else 1 :]
-    both = orthonormal_polynomials(r, np.ones((1, *r.shape)))
+def _unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return `_orthonormal_polynomials` under a weight of one, over each line and its neighbours or these alone."""
+    r = _local_powers(index)[0][:, 0 if with_center else 1 :]
+    both = _orthonormal_polynomials(r, np.ones((1, *r.shape)))
     for array in both:
         array.flags.writeable = False
     return both
 
 
-@lru_cache(maxsize=N_CACHED_FITS)
-def unweighted_fits(index: LineIndex) -> np.ndarray:
+@lru_cache(maxsize=_N_CACHED_FITS)
+def _unweighted_fits(index: LineIndex) -> np.ndarray:
     """Return (F, 3 n + 3, n) maps of a window under a weight of one: to the residual of each column r^k G, then to its
     value at the line. They depend on the grid alone.
     """
-    _, powers, _ = local_powers(index)
-    (basis,), (at_zero,) = unweighted_polynomials(index, with_center=True)
+    _, powers, _ = _local_powers(index)
+    (basis,), (at_zero,) = _unweighted_polynomials(index, with_center=True)
     n_lines, n = index.excited_windows.shape
-    fits = np.empty((n_lines, N_POWERS * (n + 1), n))
-    rest, value = fits[:, :-N_POWERS].reshape(n_lines, N_POWERS, n, n), fits[:, -N_POWERS:]
+    fits = np.empty((n_lines, _N_POWERS * (n + 1), n))
+    rest, value = fits[:, :-_N_POWERS].reshape(n_lines, _N_POWERS, n, n), fits[:, -_N_POWERS:]
     np.multiply((np.eye(n) - np.swapaxes(basis, -1, -2) @ basis)[:, None], powers[:, :, None], out=rest)
     np.multiply(np.vecmat(at_zero, basis)[:, None], powers, out=value)
     fits.flags.writeable = False
     return fits
 
 
-def project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Project a complex row (..., n) times `powers` (c, n) onto the real orthonormal rows of `basis` (..., p, n).
 
     Returns the coefficients (..., c, p) and the residual (..., c, n).
@@ -374,10 +378,10 @@ def project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) ->
     np.multiply(row.imag[..., None, :], powers, out=parts[..., c:, :])
     spanned = parts @ np.swapaxes(basis, -1, -2)
     parts -= spanned @ basis
-    return join_real_and_imaginary(spanned, c), join_real_and_imaginary(parts, c)
+    return _join_real_and_imaginary(spanned, c), _join_real_and_imaginary(parts, c)
 
 
-def join_real_and_imaginary(parts: np.ndarray, c: int) -> np.ndarray:
+def _join_real_and_imaginary(parts: np.ndarray, c: int) -> np.ndarray:
     """Return (..., c, n) complex rows from c real parts and c imaginary parts."""
     joined = np.empty((*parts.shape[:-2], c, parts.shape[-1]), dtype=complex)
     joined.real, joined.imag = parts[..., :c, :], parts[..., c:, :]

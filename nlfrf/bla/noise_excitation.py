@@ -24,13 +24,13 @@ from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import band_lines
 
-LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
-N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
-N_BANDS = 8  # of the band that is excited
-MAX_POWER_SCATTER = 4.0  # how many times the scatter of noise that power may have from part to part
+_LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
+_N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
+_N_BANDS = 8  # of the band that is excited
+_MAX_POWER_SCATTER = 4.0  # how many times the scatter of noise that power may have from part to part
 #: Of the power of an input around a line: of noise a third and more is no transient, by chance a tenth.
-MIN_ROUGH_SHARE = 1e-3
-MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which there is none
+_MIN_ROUGH_SHARE = 1e-3
+_MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which there is none
 
 
 @keep_warnings
@@ -86,14 +86,14 @@ def identify_noise(
     True
     """
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
-    u, y = check_signals(u, y, n_samples)
+    u, y = _check_signals(u, y, n_samples)
     first, last = band_lines(
         fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
     )
     lines = np.arange(first, last + 1)
     f, F = lines * fs / n_samples, lines.size
-    G, variance, S_yy, S_rest, dof = estimate_frf_local(u, y, n=n_samples, lines=lines, f=f)
-    warn_of_nonstationary_input(u)
+    G, variance, S_yy, S_rest, dof = _estimate_frf_local(u, y, n=n_samples, lines=lines, f=f)
+    _warn_of_nonstationary_input(u)
     cov, nan = variance[None, None], np.full((1, 1, F), np.nan)
     return Bla(
         f=f,
@@ -110,7 +110,7 @@ def identify_noise(
     )
 
 
-def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def _check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Return u and y as arrays without their means; refuse unequal lengths, records too short for the resolution."""
     u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
@@ -120,7 +120,7 @@ def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndar
     return u - u.mean(), y - y.mean()
 
 
-def estimate_frf_local(
+def _estimate_frf_local(
     u: np.ndarray, y: np.ndarray, *, n: int, lines: np.ndarray, f: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Estimate the FRF on `lines`, at f [Hz], by local polynomials over the lines of the whole record around each.
@@ -130,7 +130,7 @@ def estimate_frf_local(
     """
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)
-    side = max(LINES_PER_SIDE, int(ratio / 2))
+    side = max(_LINES_PER_SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
     # from the frequency that is wanted, which lies between the lines or, at the ends of the band, off the middle
@@ -139,19 +139,19 @@ def estimate_frf_local(
     A = np.stack([s**2, s, np.ones(s.shape), s**2 * U[around], s * U[around], U[around]], axis=-1)
     G, rest, leverage = least_squares(A, Y[around])
     size = power(U[around])
-    known = (leverage > 0) & (size > (MIN_INPUT_AMPLITUDE * np.max(np.abs(U))) ** 2)
-    require_determined_lines(f, np.divide(1.0, leverage * size, out=np.zeros(size.size), where=known))
+    known = (leverage > 0) & (size > (_MIN_INPUT_AMPLITUDE * np.max(np.abs(U))) ** 2)
+    _require_determined_lines(f, np.divide(1.0, leverage * size, out=np.zeros(size.size), where=known))
     left = power(rest)
     return G, left * leverage, power(Y[around]) / around.shape[1], left, float(A.shape[-2] - A.shape[-1])
 
 
-def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
+def _require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
     """Refuse lines whose input power is smooth over frequency but for a share (F,) that is too small.
 
     At the ends of its band a sweep is smooth over frequency, as transients are. The output does not show which of the
     two it follows, so G is not determined there, and its bound looks narrow.
     """
-    bad = rough_share < MIN_ROUGH_SHARE
+    bad = rough_share < _MIN_ROUGH_SHARE
     if bad.any():
         edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))  # of the runs of good lines, in pairs
         runs = edges.reshape(-1, 2)
@@ -167,16 +167,16 @@ def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
         )
 
 
-def warn_of_nonstationary_input(u: np.ndarray) -> None:
+def _warn_of_nonstationary_input(u: np.ndarray) -> None:
     """Warn of an input (n,) whose power varies over time more than that of stationary noise: chirps, bursts.
 
     In a band with n lines the power of noise has a relative standard deviation of n^-1/2 from part to part.
     """
-    size = u.size // N_RECORD_PARTS
-    power = np.abs(np.fft.rfft(u[: N_RECORD_PARTS * size].reshape(N_RECORD_PARTS, size), axis=1)[:, 1:]) ** 2
+    size = u.size // _N_RECORD_PARTS
+    power = np.abs(np.fft.rfft(u[: _N_RECORD_PARTS * size].reshape(_N_RECORD_PARTS, size), axis=1)[:, 1:]) ** 2
     mean = power.mean(axis=0)
     share = np.cumsum(mean) / mean.sum()
-    edges = np.searchsorted(share, np.linspace(0.005, 0.995, N_BANDS + 1))
+    edges = np.searchsorted(share, np.linspace(0.005, 0.995, _N_BANDS + 1))
     ratios = []
     for first, last in pairwise(edges.tolist()):
         if last - first < 4:
@@ -184,7 +184,7 @@ def warn_of_nonstationary_input(u: np.ndarray) -> None:
         band = power[:, first:last].sum(axis=1)
         lines = mean[first:last].sum() ** 2 / np.sum(mean[first:last] ** 2)
         ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
-    if ratios and np.mean(ratios) > MAX_POWER_SCATTER:
+    if ratios and np.mean(ratios) > _MAX_POWER_SCATTER:
         data_warning(
             f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
             "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time"

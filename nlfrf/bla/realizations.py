@@ -20,19 +20,21 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import LineGrid, chance_correlation
 
-N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
-MAX_LEVEL_DIFFERENCE = 2.0  # [dB] between realisations that belong together, where the level does not scatter
-MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, where it does
+_N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
+_MAX_LEVEL_DIFFERENCE = 2.0  # [dB] between realisations that belong together, where the level does not scatter
+_MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, where it does
 #: Probability with which independent phases may pass for the same ones, in a whole experiment.
-FALSE_MATCH_PROBABILITY = 1e-9
+_FALSE_MATCH_PROBABILITY = 1e-9
 #: Share of its power that a noisy input has in common with another one of the same phases, at least.
-MIN_SHARED_POWER = 0.5
-MIN_OWN_AMPLITUDE = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
-MIN_PHASE_LINES = 4  # lines from which phases can be compared
-MIN_CREST_LINES = 6  # lines whose sum has peaks as of a normal distribution
+_MIN_SHARED_POWER = 0.5
+_MIN_OWN_AMPLITUDE = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
+_MIN_PHASE_LINES = 4  # lines from which phases can be compared
+_MIN_CREST_LINES = 6  # lines whose sum has peaks as of a normal distribution
 #: Pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is.
-ENOUGH_STEP_PAIRS = 30
-MAX_REFERENCES = 100  # realisations against which all others are held; a set of files that is played again is no larger
+_ENOUGH_STEP_PAIRS = 30
+_MAX_REFERENCES = (
+    100  # realisations against which all others are held; a set of files that is played again is no larger
+)
 
 
 def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray, name: str = "u") -> np.ndarray:
@@ -43,7 +45,7 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
     (M,) ndarray
         Number of peaks above its own crest that random phases would have, on average one; zeros on too few lines.
     """
-    if amplitude.size < MIN_CREST_LINES:
+    if amplitude.size < _MIN_CREST_LINES:
         return np.zeros(len(u))
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
@@ -73,7 +75,7 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     The spectra, and the number of the first experiment of each group.
     """
     n = excited.U.shape[1]
-    groups = find_repeats(excited) if excited.experiments_per_set < n else []
+    groups = _find_repeats(excited) if excited.experiments_per_set < n else []
     if not 0 < len(groups) < n or len(groups) % excited.experiments_per_set:
         return spectra, list(range(n))
     listed = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
@@ -83,17 +85,17 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
         f"play others, as of multisine(n_realizations={n // excited.experiments_per_set})"
     )
     P, sizes = spectra.n_periods, [len(group) for group, _ in groups]
-    parts, scatters = map(list, zip(*(merge_group(spectra, *group) for group in groups), strict=True))
+    parts, scatters = map(list, zip(*(_merge_group(spectra, *group) for group in groups), strict=True))
     if P == 1:
-        scatters = fill_unknown_scatters(scatters, sizes)
+        scatters = _fill_unknown_scatters(scatters, sizes)
     U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
-    dU, dY = (pad_scatters(x) for x in zip(*scatters, strict=True))
+    dU, dY = (_pad_scatters(x) for x in zip(*scatters, strict=True))
     periods = P * n // len(groups)
     joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
     return joined, [group[0] for group, _ in groups]
 
 
-def fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
+def _fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
     """Return the scatters of groups of one period each; that of a group of one, not known, is that of the others."""
     merged = [m for m, g in enumerate(sizes) if g > 1]
     others = [
@@ -102,7 +104,7 @@ def fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) ->
     return [others if g == 1 else own for own, g in zip(scatters, sizes, strict=True)]
 
 
-def merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the mean U, Y and excitation (n, K) of experiments that repeat one another, and the scatters of U and Y.
 
     Two estimates of the covariance of the mean, within and between experiments, are weighted by their degrees of
@@ -120,13 +122,13 @@ def merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tupl
     return means, scatters
 
 
-def pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
+def _pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
     """Stack scatters (n, D, K) to (n, M, D, K), with zeros, which add no variance, where D is smaller."""
     most = max(one.shape[1] for one in scatters)
     return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
 
 
-def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
+def _find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     """Group the experiments that repeat one another: their numbers, and their delays after the first [periods]."""
     excitation, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
     labels = np.zeros((len(excitation), M), dtype=int)
@@ -134,8 +136,8 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
         index = excited.index
         if excited.is_zippered:
             size = np.abs(U).max(axis=0)
-            own = size > MIN_OWN_AMPLITUDE * size.max()
-            if np.count_nonzero(own) <= MIN_PHASE_LINES:
+            own = size > _MIN_OWN_AMPLITUDE * size.max()
+            if np.count_nonzero(own) <= _MIN_PHASE_LINES:
                 return [([m], [0.0]) for m in range(M)]
             U, index = U[:, own], index_lines(LineGrid(excited=lines[own]))
         for number, group in enumerate(group_by_phases(U, index)):
@@ -143,10 +145,10 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     by_label: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
     for m, label in enumerate(map(tuple, labels.T.tolist())):
         for members, delays in by_label.setdefault(label, []):
-            products = normalized_products(excitation[:, m], excitation[:, members[0]])
-            delay, _ = estimate_delay(np.add.reduce(products) / len(products), lines)
+            products = _normalized_products(excitation[:, m], excitation[:, members[0]])
+            delay, _ = _estimate_delay(np.add.reduce(products) / len(products), lines)
             turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
-            if np.all(turned > MIN_SHARED_POWER):
+            if np.all(turned > _MIN_SHARED_POWER):
                 members.append(m)
                 delays.append(delay)
                 break
@@ -155,7 +157,7 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     return sorted(group for groups in by_label.values() for group in groups)
 
 
-def normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return U* times another spectrum (..., F), line by line, over the norms of both."""
     return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
@@ -164,33 +166,33 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
     """Group the realisations (M, F) that have the same phases but for a delay, as lists of their numbers."""
     n, n_lines = U.shape
     steps = pair_equal_steps(index)
-    same = np.zeros((n, min(n, MAX_REFERENCES)), dtype=bool)
-    if steps.shape[1] < ENOUGH_STEP_PAIRS:
-        same = match_phases(U, squared_modulus(U @ U[:MAX_REFERENCES].conj().T), 1)
+    same = np.zeros((n, min(n, _MAX_REFERENCES)), dtype=bool)
+    if steps.shape[1] < _ENOUGH_STEP_PAIRS:
+        same = _match_phases(U, squared_modulus(U @ U[:_MAX_REFERENCES].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
         weighted = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
         step = weighted[:, 1:] * weighted[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
-        same = same | match_phases(turned, squared_modulus(turned @ turned[:MAX_REFERENCES].conj().T), 1)
-    elif n <= MAX_REFERENCES:  # few lines are equally far apart: every delay is tried
+        same = same | _match_phases(turned, squared_modulus(turned @ turned[:_MAX_REFERENCES].conj().T), 1)
+    elif n <= _MAX_REFERENCES:  # few lines are equally far apart: every delay is tried
         n_delays = fast_length(8 * int(index.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
             products[:, index.lines[index.excited]] = U[m].conj() * U
             most[m] = squared_modulus(np.fft.fft(products)).max(axis=-1)
-        same = same | match_phases(U, most, 4 * n_delays)
-    if np.count_nonzero(same) <= min(n, MAX_REFERENCES):  # each with itself
+        same = same | _match_phases(U, most, 4 * n_delays)
+    if np.count_nonzero(same) <= min(n, _MAX_REFERENCES):  # each with itself
         return [[m] for m in range(n)]
     groups: list[list[int]] = []
     lines = index.lines[index.excited]
     for m in range(n):
         for group in groups:
             if (
-                group[0] < MAX_REFERENCES
+                group[0] < _MAX_REFERENCES
                 and same[m, group[0]]
-                and estimate_delay(normalized_products(U[m], U[group[0]]), lines)[1] > MIN_SHARED_POWER
+                and _estimate_delay(_normalized_products(U[m], U[group[0]]), lines)[1] > _MIN_SHARED_POWER
             ):
                 group.append(m)
                 break
@@ -207,32 +209,32 @@ def pair_equal_steps(index: LineIndex) -> np.ndarray:
     return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
 
 
-def match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np.ndarray:
+def _match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np.ndarray:
     """Return (M, m) bool: which rows of x (M, n) correlate with the first m rows beyond chance.
 
     `product_power` (M, m) holds the squared moduli of their inner products. Whether they agree fully, and not in part,
-    is decided after `estimate_delay`.
+    is decided after `_estimate_delay`.
     """
-    if x.shape[1] < MIN_PHASE_LINES:
+    if x.shape[1] < _MIN_PHASE_LINES:
         return np.eye(*product_power.shape, dtype=bool)
     size = power(x)
     whole = size[:, None] * size[: product_power.shape[1]]
-    chance = FALSE_MATCH_PROBABILITY / (product_power.size * n_delays)
+    chance = _FALSE_MATCH_PROBABILITY / (product_power.size * n_delays)
     like = product_power > chance_correlation(chance, x.shape[1]) * whole
     if np.count_nonzero(like) <= product_power.shape[1]:
         return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
     n = float(
         np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1))
     )  # lines that weigh something
-    if n < MIN_PHASE_LINES:
+    if n < _MIN_PHASE_LINES:
         return np.eye(*product_power.shape, dtype=bool)
     return np.asarray(product_power > chance_correlation(chance, n) * whole)
 
 
-def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     """Estimate the delay after a signal of the same phases [periods], and the correlation at that delay.
 
-    `product` (F,) is that of `normalized_products`.
+    `product` (F,) is that of `_normalized_products`.
     """
     correlation_at_zero = float(product.sum().real)
     fine = fast_length(8 * int(lines[-1]))
@@ -252,19 +254,19 @@ def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_n
     """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
     A measured force scatters from line to line and from realisation to realisation where the shaker gives way, most at
-    a resonance. So the limit is at least `MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
+    a resonance. So the limit is at least `_MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
     """
-    if (np.maximum.reduce(powers) <= 10 ** (MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
+    if (np.maximum.reduce(powers) <= 10 ** (_MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
         return  # not even a single line differs as much
-    first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // N_BAND_PARTS))
+    first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // _N_BAND_PARTS))
     level = 10 * np.log10(powers)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
     jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none
-    difference, scatter = np.abs(mean_over_band_parts(level, first)), mean_over_band_parts(jumps, first)
+    difference, scatter = np.abs(_mean_over_band_parts(level, first)), _mean_over_band_parts(jumps, first)
     n_lines = np.diff(np.append(first, [powers.shape[1], 2 * powers.shape[1]]))
     beyond = difference / np.maximum(
-        MAX_LEVEL_DIFFERENCE, MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines)
+        _MAX_LEVEL_DIFFERENCE, _MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines)
     )
     worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     if beyond[worst, part] > 1:
@@ -274,7 +276,7 @@ def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_n
         )
 
 
-def mean_over_band_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _mean_over_band_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Return means over parts of the last axis, each from its first index on, and over all of it."""
     size = x.shape[-1]
     means = np.add.reduceat(x, first, axis=-1) / np.diff(np.append(first, size))

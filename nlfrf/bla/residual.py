@@ -18,8 +18,8 @@ from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
 #: Largest over least |G|^2, of means over the lines around, from which the place of distortion matters.
-MIN_GAIN_VARIATION = 1.5
-CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters
+_MIN_GAIN_VARIATION = 1.5
+_CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters
 
 
 class NonlinearResidual(NamedTuple):
@@ -58,10 +58,10 @@ class NonlinearResidual(NamedTuple):
 def gain_varies(gain: np.ndarray) -> bool:
     """Return whether |G|^2 (F,) changes over the band by more than scatter."""
     ratio = gain.max() / max(gain.min(), TINY)
-    if ratio > CLEAR_GAIN_VARIATION or ratio <= MIN_GAIN_VARIATION:
-        return bool(ratio > CLEAR_GAIN_VARIATION)
+    if ratio > _CLEAR_GAIN_VARIATION or ratio <= _MIN_GAIN_VARIATION:
+        return bool(ratio > _CLEAR_GAIN_VARIATION)
     smoothed = local_mean(gain, SMOOTHING_LINES)
-    return bool(smoothed.max() > MIN_GAIN_VARIATION * smoothed.min())
+    return bool(smoothed.max() > _MIN_GAIN_VARIATION * smoothed.min())
 
 
 def nonlinear_residual(
@@ -69,13 +69,13 @@ def nonlinear_residual(
 ) -> NonlinearResidual:
     """Return the outputs less their linear part, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
     index = spectra.index
-    G = interpolate_frf(smooth, index)
+    G = _interpolate_frf(smooth, index)
     a = np.add.reduce(excited.mean_power_U, axis=1) / excited.lines.size
     of_smooth = np.vecmat(a, squared_modulus(smooth))
     if smooth is measured:
         gain = np.vecmat(a, squared_modulus(G))
     else:  # a local fit smears a light mode, and takes its level with it
-        gain = interpolate_gain(np.vecmat(a, squared_modulus(measured)), index)
+        gain = _interpolate_gain(np.vecmat(a, squared_modulus(measured)), index)
     scatter = residual_scatter(G, spectra)
     noise = np.add.reduce(squared_modulus(scatter), axis=(1, 2)) / (scatter.shape[1] if scatter.shape[2] else np.nan)
     linear = G * spectra.U if len(spectra.U) == 1 else np.einsum("jik,imk->jmk", G, spectra.U)
@@ -89,13 +89,13 @@ def nonlinear_residual(
     )
 
 
-def interpolate_gain(gain: np.ndarray, index: LineIndex) -> np.ndarray:
+def _interpolate_gain(gain: np.ndarray, index: LineIndex) -> np.ndarray:
     """Interpolate |G|^2 (..., F) to all lines, linear in log magnitude; constant beyond the ends."""
     floor = np.maximum(EPS**2 * gain.max(axis=-1, keepdims=True), SMALL_NORM**2)
-    return np.asarray(np.exp(interpolate_to_lines(np.log(np.maximum(gain, floor)), index)))
+    return np.asarray(np.exp(_interpolate_to_lines(np.log(np.maximum(gain, floor)), index)))
 
 
-def interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
+def _interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
     """Interpolate G (..., F) to all lines, linear in log magnitude and in phase; constant beyond the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
@@ -103,10 +103,10 @@ def interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
     logarithm = np.empty(G.shape, dtype=complex)
     np.log(np.maximum(magnitude, floor), out=logarithm.real)
     np.arctan2(G.imag, G.real, out=logarithm.imag)
-    return np.exp(interpolate_to_lines(logarithm, index))
+    return np.exp(_interpolate_to_lines(logarithm, index))
 
 
-def interpolate_to_lines(x: np.ndarray, index: LineIndex) -> np.ndarray:
+def _interpolate_to_lines(x: np.ndarray, index: LineIndex) -> np.ndarray:
     """Interpolate x (..., F) to all lines, linear between the excited ones; its imaginary part is an angle."""
     rise = np.zeros(x.shape, dtype=x.dtype)
     np.subtract(x[..., 1:], x[..., :-1], out=rise[..., :-1])

@@ -31,13 +31,13 @@ from nlfrf.records.record import Record
 from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
 TREATMENTS = ("auto", "none", "discard", "local")  # of the transient
-LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
-MAX_FOREIGN_AMPLITUDE = 0.03  # of the amplitude of the input that a line drives, below which it drives no other
+_LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
+_MAX_FOREIGN_AMPLITUDE = 0.03  # of the amplitude of the input that a line drives, below which it drives no other
 #: Residual power of the rational over the polynomial fit below which it is used: fitted to noise alone it gives 1/2.
-RATIONAL_POWER_RATIO = 0.25
+_RATIONAL_POWER_RATIO = 0.25
 
 
-def choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
+def _choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
     """Choose "none", "discard" or "local" for a signal y (M, P, N) with spectra of its periods (M, P or 1, K)."""
     n_periods = Y.shape[1]
 
@@ -46,14 +46,14 @@ def choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) 
         if is_transient(one, other):
             return False
         rise = (np.add.reduce(y[:, -1], axis=1) - np.add.reduce(y[:, first], axis=1)) / y.shape[2]
-        return not has_drift(one, other, slope=rise / (n_periods - 1 - first), lines=lines)
+        return not _has_drift(one, other, slope=rise / (n_periods - 1 - first), lines=lines)
 
     if n_periods < 2 or is_settled(0):
         return "none"
     return "discard" if n_periods > 2 and is_settled(1) else "local"
 
 
-def has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray) -> bool:
+def _has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray) -> bool:
     """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so periods agree.
 
     Parameters
@@ -71,7 +71,7 @@ def has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: 
     return bool(leaked > max(noise, 1e-20 * whole))
 
 
-def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit the transient at the harmonics of a record, from the lines between them.
 
     Parameters
@@ -92,7 +92,7 @@ def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndar
         Variance of T over that variance.
     """
     n_realizations, n_periods, n_samples = x.shape
-    r = nonharmonic_offsets(n_periods)
+    r = _nonharmonic_offsets(n_periods)
     n_total = n_periods * n_samples
     at = (lines[:, None] * n_periods + r) % n_total
     mirrored = at > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
@@ -107,7 +107,7 @@ def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndar
     polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
     rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
     T_r, residual_r, leverage_r = least_squares(rational, X)
-    better = power(residual_r) < RATIONAL_POWER_RATIO * power(residual)
+    better = power(residual_r) < _RATIONAL_POWER_RATIO * power(residual)
     return (
         np.where(better, T_r, T),
         np.where(better[..., None], residual_r, residual),
@@ -115,10 +115,10 @@ def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndar
     )
 
 
-def nonharmonic_offsets(n_periods: int) -> np.ndarray:
-    """Return the offsets from a harmonic to the nearest lines that are no harmonics, `LINES_PER_SIDE` on each side."""
-    right = np.arange(1, LINES_PER_SIDE * n_periods + n_periods)
-    right = right[right % n_periods != 0][:LINES_PER_SIDE]
+def _nonharmonic_offsets(n_periods: int) -> np.ndarray:
+    """Return the offsets from a harmonic to the nearest lines that are no harmonics, `_LINES_PER_SIDE` on each side."""
+    right = np.arange(1, _LINES_PER_SIDE * n_periods + n_periods)
+    right = right[right % n_periods != 0][:_LINES_PER_SIDE]
     return np.concatenate([-right[::-1], right])
 
 
@@ -182,7 +182,7 @@ class Spectra:
             return False
         size = np.sqrt(np.mean(squared_modulus(self.excitation), axis=1))
         size = np.sort(size / size.max(axis=1, keepdims=True), axis=0)
-        return bool(np.mean(size[-2] < MAX_FOREIGN_AMPLITUDE * size[-1]) > 0.95)
+        return bool(np.mean(size[-2] < _MAX_FOREIGN_AMPLITUDE * size[-1]) > 0.95)
 
     @cached_property
     def experiments_per_set(self) -> int:
@@ -240,25 +240,25 @@ def period_spectra(
     R = None if record.r is None else channel_dft(record.r, lines)
     if transient == "auto":
         y = record.y.reshape(-1, *record.y.shape[-2:])
-        transient = choose_transient_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
+        transient = _choose_transient_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
     if transient == "discard":
-        U, Y, R = drop_first_period(U), drop_first_period(Y), None if R is None else drop_first_period(R)
+        U, Y, R = _drop_first_period(U), _drop_first_period(Y), None if R is None else _drop_first_period(R)
         n_periods -= 1
     R = None if R is None else R.mean(axis=2)
-    (U, dU), (Y, dY) = (mean_and_scatter(X, n_periods) for X in (U, Y))
+    (U, dU), (Y, dY) = (_mean_and_scatter(X, n_periods) for X in (U, Y))
     if transient == "local":
         if dU.shape[2] > 1:
-            U, dU = subtract_transient(record.u, U, lines)
-        Y, dY = subtract_transient(record.y, Y, lines)
+            U, dU = _subtract_transient(record.u, U, lines)
+        Y, dY = _subtract_transient(record.y, Y, lines)
     return Spectra(lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, index=index), transient
 
 
-def drop_first_period(X: np.ndarray) -> np.ndarray:
+def _drop_first_period(X: np.ndarray) -> np.ndarray:
     """Return X (n, M, P, K) without its first period; a single one that stands for all equal periods stays."""
     return X[:, :, 1:] if X.shape[2] > 1 else X
 
 
-def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
+def _mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean over the periods of X (n, M, P or 1, K), which is overwritten, and the scatter of that mean."""
     if X.shape[2] == 1:
         mean = X[:, :, 0]
@@ -269,9 +269,9 @@ def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndar
     return mean, X
 
 
-def subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Subtract the transient of x from the mean (n, M, K) on every line; return it with its scatter."""
-    T, residual, leverage = fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
+    T, residual, leverage = _fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
     scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
     return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
 

@@ -22,13 +22,13 @@ from nlfrf.bla.local_models import N_POOLED_WINDOWS, POLYNOMIAL_ORDER, RATIONAL_
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-N_REWEIGHTED_ROUNDS, N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
+_N_REWEIGHTED_ROUNDS, _N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
 #: Of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands.
-MIN_ZIPPERED_DENOMINATOR = 0.02
+_MIN_ZIPPERED_DENOMINATOR = 0.02
 
 
 @value(copy=False)
-class ColumnInterpolation:
+class _ColumnInterpolation:
     """How the columns were interpolated between their own lines.
 
     Fields
@@ -49,7 +49,7 @@ class ColumnInterpolation:
     error_weights: np.ndarray
 
 
-def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpolation]:
+def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, _ColumnInterpolation]:
     """Estimate the matrix in open loop; the scatter over experiments is that of the column that a line drives."""
     lines, U, Y = excited.lines, excited.U, excited.Y
     (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(lines.size)
@@ -57,7 +57,7 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpol
     owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
     measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
     column = measured.mean(axis=1)
-    G, between = interpolate_columns(column, lines, owner=owner, line_variance=1 / (M * size[owner, k] ** 2))
+    G, between = _interpolate_columns(column, lines, owner=owner, line_variance=1 / (M * size[owner, k] ** 2))
     each = np.broadcast_to(G, (M, *G.shape)).copy()
     each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
     V = (measured - column[:, None]) * size[owner, k]
@@ -79,9 +79,9 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpol
     return frm, between
 
 
-def interpolate_columns(
+def _interpolate_columns(
     column: np.ndarray, lines: np.ndarray, *, owner: np.ndarray, line_variance: np.ndarray
-) -> tuple[np.ndarray, ColumnInterpolation]:
+) -> tuple[np.ndarray, _ColumnInterpolation]:
     """Return (n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
     n_y, F = column.shape
     n_u = int(owner.max()) + 1
@@ -95,12 +95,12 @@ def interpolate_columns(
         :, :, None, None
     ]  # of each column, in the units of its input
     size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
-    D = fit_denominator(r, g, size)
-    plain, rational = (residual_power(r, g, D=one, size=size) for one in (np.ones(D.shape), D))
+    D = _fit_denominator(r, g, size)
+    plain, rational = (_residual_power(r, g, D=one, size=size) for one in (np.ones(D.shape), D))
     dof = n_y * n_u * (width - POLYNOMIAL_ORDER - 1)
     better = local_mean(RATIONAL_VARIANCE_RATIO * plain / dof - rational / (dof - 2), N_POOLED_WINDOWS) > 0
     D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
-    at_zero, _, _, slopes, rest = fit_numerator(r, g, D)
+    at_zero, _, _, slopes, rest = _fit_numerator(r, g, D)
     value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
     # a step of (a1, a2) by the error of a window, and what it does to the fitted value
     rows = (rest / size[..., None]).reshape(F, -1, 2)
@@ -113,10 +113,10 @@ def interpolate_columns(
             weights[:, i, j, i, :, j] += at_zero[:, i]
     G = np.moveaxis(value_at_zero, 0, 2).swapaxes(0, 1).copy()
     G[:, owner, np.arange(F)] = column
-    return G, ColumnInterpolation(owner=owner, line_variance=line_variance, window=window, error_weights=weights)
+    return G, _ColumnInterpolation(owner=owner, line_variance=line_variance, window=window, error_weights=weights)
 
 
-def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
+def _fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
     """Fit the numerators to windows g (F, n_u, n_y, n) at distances r under a denominator D.
 
     Returns
@@ -134,47 +134,47 @@ def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarr
     basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(POLYNOMIAL_ORDER + 1))  # (F, n_u, n, 3)
     first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(POLYNOMIAL_ORDER + 1)[0][:, None])
     at_zero = (basis @ first)[..., 0].conj()
-    fit = g - numerator_residual(g, basis)
+    fit = g - _numerator_residual(g, basis)
     slopes = [-fit * (w * r**m)[:, :, None] for m in (1, 2)]
-    rest = [numerator_residual(slope, basis) for slope in slopes]
+    rest = [_numerator_residual(slope, basis) for slope in slopes]
     return at_zero, basis, fit, np.stack(slopes, axis=-1), np.stack(rest, axis=-1)
 
 
-def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+def _numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """Return x (F, n_u, n_y, n) less its projection onto the columns of `basis`."""
     return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
 
 
-def residual_power(r: np.ndarray, g: np.ndarray, *, D: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _residual_power(r: np.ndarray, g: np.ndarray, *, D: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return the (F,) power of the residual under a denominator D, each row over its size."""
-    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
+    return np.asarray(np.sum(np.abs((g - _fit_numerator(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
 
 
-def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Fit the denominator of each window; return 1 + a1 r + a2 r^2 (F, n_u, n) on its lines."""
     D = np.ones(r.shape, dtype=complex)
     a = np.zeros((len(r), 2), dtype=complex)
-    for turn in range(N_REWEIGHTED_ROUNDS + N_GAUSS_NEWTON_ROUNDS):
-        _, basis, fit, _, rest = fit_numerator(r, g, D)
+    for turn in range(_N_REWEIGHTED_ROUNDS + _N_GAUSS_NEWTON_ROUNDS):
+        _, basis, fit, _, rest = _fit_numerator(r, g, D)
         aim = g - fit
-        if turn < N_REWEIGHTED_ROUNDS:
-            first, second = (numerator_residual(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
-            aim, rest = numerator_residual(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
+        if turn < _N_REWEIGHTED_ROUNDS:
+            first, second = (_numerator_residual(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
+            aim, rest = _numerator_residual(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
         found, _ = two_unknowns(
             np.stack([one / size for one in (aim, *np.moveaxis(rest, -1, 0))], 1).reshape(len(r), 3, -1)
         )
-        trial = found if turn < N_REWEIGHTED_ROUNDS else a + found
+        trial = found if turn < _N_REWEIGHTED_ROUNDS else a + found
         there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
-        good = np.abs(there).min(axis=(1, 2)) > MIN_ZIPPERED_DENOMINATOR
-        if turn >= N_REWEIGHTED_ROUNDS:
-            good &= residual_power(r, g, D=there, size=size) <= residual_power(r, g, D=D, size=size)
+        good = np.abs(there).min(axis=(1, 2)) > _MIN_ZIPPERED_DENOMINATOR
+        if turn >= _N_REWEIGHTED_ROUNDS:
+            good &= _residual_power(r, g, D=there, size=size) <= _residual_power(r, g, D=D, size=size)
         a = np.where(good[:, None], trial, a)
         D = np.where(good[:, None, None], there, D)
     return D
 
 
 def bound_interpolated_columns(
-    interpolation: ColumnInterpolation, gamma: np.ndarray, *, cov: np.ndarray, n_sets: int
+    interpolation: _ColumnInterpolation, gamma: np.ndarray, *, cov: np.ndarray, n_sets: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return gamma and a covariance that bound those of every column, measured or interpolated.
 

@@ -37,16 +37,16 @@ from nlfrf.io.readers.layout import make_unique
 from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
-SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
-DRIVE_RATE = 20.0  # Hz: a variable without a unit that is no faster may well be in milliseconds, that of a drive
+_SLOW, _UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
+_DRIVE_RATE = 20.0  # Hz: a variable without a unit that is no faster may well be in milliseconds, that of a drive
 #: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
-UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
-MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
-SECONDS_PER_DAY = 86400.0  # seconds
-DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
-MAX_RATE = 1e6  # a clock that is more likely in days there [Hz]
-MAX_COLUMNS = 64  # columns that a matrix of signals may have
-OTHER_WAY = "arrays of any origin go to record_from_samples(u, y, fs=...)"
+_UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
+_MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
+_SECONDS_PER_DAY = 86400.0  # seconds
+_DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
+_MAX_RATE = 1e6  # a clock that is more likely in days there [Hz]
+_MAX_COLUMNS = 64  # columns that a matrix of signals may have
+_OTHER_WAY = "arrays of any origin go to record_from_samples(u, y, fs=...)"
 
 
 @value
@@ -100,13 +100,13 @@ class Channels:
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             raise ValueError(f"{parameter} must name a signal of {file!r}, {self.describe_signals(name)}")
         if array.ndim > 1 and self.text("schema"):
-            return to_stream(array)  # this package's own file: whoever asks knows the axes
+            return _to_stream(array)  # this package's own file: whoever asks knows the axes
         array = np.squeeze(array)
         if array.ndim != 1:
             inside = [known for known in self.signals if known.startswith(f"{full}.")]
             raise ValueError(
                 f"{parameter} must name one stream of samples, got {name!r} with shape {array.shape}; "
-                + (f"its columns are {', '.join(inside)}" if inside else OTHER_WAY)
+                + (f"its columns are {', '.join(inside)}" if inside else _OTHER_WAY)
             )
         if full in self.notes:
             raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
@@ -117,14 +117,14 @@ class Channels:
                 f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, as channels of one name are told "
                 f"apart: {parameter} is {full!r}, the first of them"
             )
-        return to_stream(array)
+        return _to_stream(array)
 
     def describe_signals(self, name: str) -> str:
         """Return the signals there are in place of one that is none, and why that, or the file, has none."""
         listed = ", ".join(sorted(self.signals)) or "none"
         named = [name] if name in self.notes else [] if self.full_name(name) in self.arrays else list(self.notes)[:3]
         noted = [f"{one!r} {self.notes[one]}" for one in named]
-        return "; ".join([f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [OTHER_WAY])])
+        return "; ".join([f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [_OTHER_WAY])])
 
     def labels(self, u: str, y: str) -> SignalLabels:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
@@ -188,20 +188,20 @@ class Channels:
         axes = {name: axis for name in clocks if (axis := self.moments_of(name)) is not None}
         if axes:
             require_same_moments(file, axes, fs)
-        if clock.fs > 0 and not clock.doubt and abs(fs / clock.fs - 1) > MAX_TIME_DIFFERENCE:
+        if clock.fs > 0 and not clock.doubt and abs(fs / clock.fs - 1) > _MAX_TIME_DIFFERENCE:
             data_warning(
                 f"fs was given as {fs:g} Hz, but by {clock.where} of {file!r} it is {clock.fs:g} Hz; the one given is "
                 "used"
             )
         return fs
 
-    def common_clock(self, clocks: Mapping[str, float | str | None]) -> Clock:
+    def common_clock(self, clocks: Mapping[str, float | str | None]) -> _Clock:
         """Return the clock of channels by what is stated of each, else beside them; refuse channels that differ."""
         stated = [*clocks.items()] or [("", self.clocks.get(""))]
         found = {name: self.stated_clock(name, clock) for name, clock in stated if clock is not None}
         found = found or {"": self.neighbouring_clock(tuple(clocks))}
         rates = [clock.fs for clock in found.values() if clock.fs > 0]
-        if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
+        if rates and max(rates) > min(rates) * (1 + _MAX_TIME_DIFFERENCE):
             listing = ", ".join(f"{name!r} at {clock.fs:g} Hz" for name, clock in found.items())
             raise ValueError(
                 f"u and y must be sampled together, but {Path(self.path).name!r} has {listing}; bring them to one "
@@ -209,40 +209,40 @@ class Channels:
             )
         return next((clock for clock in found.values() if clock.why), next(iter(found.values())))
 
-    def stated_clock(self, name: str, stated: float | str) -> Clock:
+    def stated_clock(self, name: str, stated: float | str) -> _Clock:
         """Return the clock that the file states of a channel, of all by "": a frequency, or a time channel."""
         if isinstance(stated, str):
             return self.clock_of_time(stated)
         where = f"what it says of {name!r}" if name else "its own word"
-        if 0 < stated <= SLOW and self.units.get(f"{name}.start") == "":
-            return doubtful_clock(stated, where, f"the sampling time of {name!r} names no unit and is", DRIVE_RATE)
-        return Clock(float(stated), where)
+        if 0 < stated <= _SLOW and self.units.get(f"{name}.start") == "":
+            return _doubtful_clock(stated, where, f"the sampling time of {name!r} names no unit and is", _DRIVE_RATE)
+        return _Clock(float(stated), where)
 
-    def neighbouring_clock(self, names: tuple[str, ...]) -> Clock:
+    def neighbouring_clock(self, names: tuple[str, ...]) -> _Clock:
         """Return what a variable says of the clock of these channels, else a time channel; the two have to agree."""
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
         time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
-        by_time = self.clock_of_time(time) if time else Clock()
+        by_time = self.clock_of_time(time) if time else _Clock()
         if not variables and self.time and not time:
             sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
-            return Clock(why=f"the time channel {self.time!r} has {self.arrays[self.time].size} samples, and {sizes}")
+            return _Clock(why=f"the time channel {self.time!r} has {self.arrays[self.time].size} samples, and {sizes}")
         if not variables:
             return by_time
         best, time_fs = variables[0], 0.0 if by_time.doubt else by_time.fs
         for one in variables:
-            if one.rank == best.rank and one.fs > best.fs * (1 + MAX_TIME_DIFFERENCE):
-                return Clock(why=f"{file!r} says {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
-        if best.is_doubtful and agrees_in_some_unit(best.fs, time_fs):
+            if one.rank == best.rank and one.fs > best.fs * (1 + _MAX_TIME_DIFFERENCE):
+                return _Clock(why=f"{file!r} says {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
+        if best.is_doubtful and _agrees_in_some_unit(best.fs, time_fs):
             return by_time
-        if time_fs > 0 and abs(best.fs / time_fs - 1) > MAX_TIME_DIFFERENCE:
+        if time_fs > 0 and abs(best.fs / time_fs - 1) > _MAX_TIME_DIFFERENCE:
             by_both = f"{best.fs:g} Hz by {best.name!r} of {file!r} and {time_fs:g} Hz by {by_time.where}"
-            return Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is not the one")
+            return _Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is not the one")
         if best.is_doubtful:
-            return doubtful_clock(
-                best.fs, best.name, f"the sampling time {best.name!r} names no unit and is", DRIVE_RATE
+            return _doubtful_clock(
+                best.fs, best.name, f"the sampling time {best.name!r} names no unit and is", _DRIVE_RATE
             )
-        return Clock(best.fs, best.name)
+        return _Clock(best.fs, best.name)
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
         """Return the time of each sample of a channel, or its start [s]; None where it has neither."""
@@ -269,7 +269,7 @@ class Channels:
     @property
     def times(self) -> list[str]:
         """Names of the time channels, those that a clock can be read from in front."""
-        found = [name for name in self.signals if is_time_name(name) and may_run(self.arrays[name])]
+        found = [name for name in self.signals if is_time_name(name) and _may_run(self.arrays[name])]
         if len(found) < 2:
             return found
         return sorted(
@@ -285,7 +285,7 @@ class Channels:
         """Return the unit of a time channel [s], None where it is not known."""
         return seconds_per_unit(self.unit(time))
 
-    def variable_clocks(self, channel: str) -> list[ScalarClock]:
+    def variable_clocks(self, channel: str) -> list[_ScalarClock]:
         """Return what variables fs, Ts and the like say, the slowest in the struct of a channel in front.
 
         One that is doubtful is left out where another says the same in some unit.
@@ -293,15 +293,15 @@ class Channels:
         found = list(self.scalar_clocks([channel.rpartition(".")[0], ""]))
         sure = [one for one in found if not one.is_doubtful]
         return sorted(
-            one for one in found if one in sure or not any(agrees_in_some_unit(one.fs, two.fs) for two in sure)
+            one for one in found if one in sure or not any(_agrees_in_some_unit(one.fs, two.fs) for two in sure)
         )
 
-    def scalar_clocks(self, homes: list[str]) -> Iterator[ScalarClock]:
+    def scalar_clocks(self, homes: list[str]) -> Iterator[_ScalarClock]:
         """Yield every variable that states a sampling frequency or time; `homes` are the structs that count first."""
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
             is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
-            number, unit = constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
+            number, unit = _constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
             if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
                 continue
             scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
@@ -310,26 +310,26 @@ class Channels:
                 home = name.rpartition(".")[0]
                 rank = homes.index(home) if home in homes else 2
                 fs = number if is_rate else float(f"{1 / number:.12g}")
-                yield ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name)
+                yield _ScalarClock(rank, fs, is_step and not unit and fs <= _SLOW, name)
 
-    def clock_of_time(self, time: str) -> Clock:
+    def clock_of_time(self, time: str) -> _Clock:
         """Return the clock by a time channel."""
         unit, second, where = self.unit(time), self.second_of(time), f"the time channel {time!r}"
         if second is None:
-            return Clock(why=f"the unit of {where} is not known")
+            return _Clock(why=f"the unit of {where} is not known")
         t = np.ravel(self.arrays[time])
         fs = sampling_frequency(t if second == 1.0 else second * t)
         if not fs > 0:
-            return Clock(why=f"{where} {backward_steps(t)}")
-        if not unit and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
-            readings = f"{fs:g} Hz if these are seconds, {fs / SECONDS_PER_DAY:g} Hz if they are days"
-            return Clock(why=f"{where} names no unit, begins at {t[0]:.9g} and steps by {1 / fs:.3g}: {readings}")
-        if unit or fs > SLOW:
-            return Clock(fs, where)
-        return doubtful_clock(fs, where, f"{where} names no unit and steps by", UNLIKELY)
+            return _Clock(why=f"{where} {_backward_steps(t)}")
+        if not unit and fs > _MAX_RATE and any(low < t[0] < high for low, high in _DATE_RANGES):
+            readings = f"{fs:g} Hz if these are seconds, {fs / _SECONDS_PER_DAY:g} Hz if they are days"
+            return _Clock(why=f"{where} names no unit, begins at {t[0]:.9g} and steps by {1 / fs:.3g}: {readings}")
+        if unit or fs > _SLOW:
+            return _Clock(fs, where)
+        return _doubtful_clock(fs, where, f"{where} names no unit and steps by", _UNLIKELY)
 
 
-class Clock(NamedTuple):
+class _Clock(NamedTuple):
     """A sampling frequency [Hz] and who says so; why it is not known, where it is 0; what is in doubt of it."""
 
     fs: float = 0.0
@@ -338,7 +338,7 @@ class Clock(NamedTuple):
     doubt: str = ""
 
 
-class ScalarClock(NamedTuple):
+class _ScalarClock(NamedTuple):
     """A sampling frequency [Hz] by a variable; how far from the channel it is, and whether its unit is in doubt."""
 
     rank: int
@@ -347,28 +347,28 @@ class ScalarClock(NamedTuple):
     name: str
 
 
-def agrees_in_some_unit(fs: float, known: float) -> bool:
+def _agrees_in_some_unit(fs: float, known: float) -> bool:
     """Return whether a step without a unit is that of a known sampling frequency; `fs` is that of seconds."""
-    return any(abs(factor * fs - known) <= MAX_TIME_DIFFERENCE * known for factor in UNSTATED_UNITS.values())
+    return any(abs(factor * fs - known) <= _MAX_TIME_DIFFERENCE * known for factor in _UNSTATED_UNITS.values())
 
 
-def doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> Clock:
+def _doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> _Clock:
     """Return the clock by a step without a unit, in doubt, or not known where it is no faster than is unlikely.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
-    readings = join_names([f"{factor * fs:g} Hz if {unit}" for unit, factor in UNSTATED_UNITS.items()])
+    readings = join_names([f"{factor * fs:g} Hz if {unit}" for unit, factor in _UNSTATED_UNITS.items()])
     if fs <= unlikely:
-        return Clock(why=f"{step} {1 / fs:g}: {readings}")
-    return Clock(fs, where, doubt=f"{step} {1 / fs:g}: {readings}; seconds are taken, give fs if they are not")
+        return _Clock(why=f"{step} {1 / fs:g}: {readings}")
+    return _Clock(fs, where, doubt=f"{step} {1 / fs:g}: {readings}; seconds are taken, give fs if they are not")
 
 
-def may_run(array: np.ndarray) -> bool:
+def _may_run(array: np.ndarray) -> bool:
     """Return whether a stream can be a time axis; a parameter that a logger repeats in every row cannot."""
-    return array.dtype.kind in "fiu" and array.size > 1 and constant_of(array) is None
+    return array.dtype.kind in "fiu" and array.size > 1 and _constant_of(array) is None
 
 
-def constant_of(array: np.ndarray) -> float | None:
+def _constant_of(array: np.ndarray) -> float | None:
     """Return the number that a single value is, or a stream that repeats it; None of anything else."""
     if array.dtype.kind not in "fiu" or not array.size:
         return None
@@ -376,7 +376,7 @@ def constant_of(array: np.ndarray) -> float | None:
     return float(first) if array.size == 1 or bool(np.all(array == first)) else None
 
 
-def backward_steps(t: np.ndarray) -> str:
+def _backward_steps(t: np.ndarray) -> str:
     """Return where a time channel does not run forward."""
     steps = np.diff(t.astype(float))
     if not np.any(steps < 0):
@@ -385,39 +385,39 @@ def backward_steps(t: np.ndarray) -> str:
     return f"runs backwards at sample {at + 1}, from {t[at]:.9g} to {t[at + 1]:.9g}"
 
 
-def to_stream(array: np.ndarray) -> np.ndarray:
+def _to_stream(array: np.ndarray) -> np.ndarray:
     """Return an array as contiguous float64 that is read-only, itself where it is such already."""
     stream = np.ascontiguousarray(array, dtype=float)
     stream.flags.writeable = False
     return stream
 
 
-class Reader(NamedTuple):
+class _Reader(NamedTuple):
     """Who reads a kind of file, a module in a process of its own, and with which extra of this package."""
 
     contents: Callable[[Path], Contents] | ModuleType
     extra: str = ""
 
 
-TEXT_READER = Reader(tables.contents, extra="csv")
-HDF5_READER = Reader(hdf5, extra="hdf5")
-MDF_READER = Reader(mdf, extra="mdf")
-TWINCAT = Reader(twincat, extra="twincat")
+_TEXT_READER = _Reader(tables.contents, extra="csv")
+_HDF5_READER = _Reader(hdf5, extra="hdf5")
+_MDF_READER = _Reader(mdf, extra="mdf")
+_TWINCAT = _Reader(twincat, extra="twincat")
 READERS = {
-    ".mat": Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
-    ".npz": Reader(npz.contents),
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".mpt", ".dta", ".z", ".frd"), TEXT_READER),
-    ".npy": Reader(npy.contents),
-    ".h5": HDF5_READER,
-    ".hdf5": HDF5_READER,
-    ".tdms": Reader(tdms, extra="tdms"),
-    **dict.fromkeys((".mf4", ".mdf"), MDF_READER),
-    **dict.fromkeys((".uff", ".unv"), Reader(uff, extra="uff")),
-    **dict.fromkeys((".s1p", ".s2p", ".s3p", ".s4p"), Reader(touchstone, extra="touchstone")),
-    **dict.fromkeys((".parquet", ".feather"), Reader(columns, extra="parquet")),
-    ".wav": Reader(wav),
+    ".mat": _Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
+    ".npz": _Reader(npz.contents),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".mpt", ".dta", ".z", ".frd"), _TEXT_READER),
+    ".npy": _Reader(npy.contents),
+    ".h5": _HDF5_READER,
+    ".hdf5": _HDF5_READER,
+    ".tdms": _Reader(tdms, extra="tdms"),
+    **dict.fromkeys((".mf4", ".mdf"), _MDF_READER),
+    **dict.fromkeys((".uff", ".unv"), _Reader(uff, extra="uff")),
+    **dict.fromkeys((".s1p", ".s2p", ".s3p", ".s4p"), _Reader(touchstone, extra="touchstone")),
+    **dict.fromkeys((".parquet", ".feather"), _Reader(columns, extra="parquet")),
+    ".wav": _Reader(wav),
 }
-SUFFIXES = ", ".join(READERS).replace(".csv,", ".csv, .csv.gz,")
+_SUFFIXES = ", ".join(READERS).replace(".csv,", ".csv, .csv.gz,")
 
 
 OnePath: TypeAlias = str | os.PathLike[str]
@@ -445,10 +445,10 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     suffix = path.suffix.lower()
-    if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is TEXT_READER:
-        return read_compressed(path)
-    arrays, units, clocks, notes = read_contents(path, suffix, reader_of_suffix(path, suffix))
-    arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
+    if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is _TEXT_READER:
+        return _read_compressed(path)
+    arrays, units, clocks, notes = _read_contents(path, suffix, _reader_of_suffix(path, suffix))
+    arrays, units, clocks, notes = _clean_names(arrays, units, clocks=clocks, notes=notes)
     for name, array in arrays.items():
         if array.dtype.kind in "Mm" and array.size > 1:  # moments of numpy and pandas are a clock by their type
             arrays[name] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s")
@@ -460,11 +460,11 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         raise ValueError(
             f"path must be a file that holds arrays of numbers, got {path.name!r} with none"
             + (f": {listing}" if listing else "")
-            + f"; {OTHER_WAY}"
+            + f"; {_OTHER_WAY}"
         )
-    numeric, clocks = abscissas_in_seconds(numeric, units, clocks)
+    numeric, clocks = _abscissas_in_seconds(numeric, units, clocks)
     if "schema" not in numeric:
-        numeric, clocks = split_columns(numeric, clocks)
+        numeric, clocks = _split_columns(numeric, clocks)
     for array in numeric.values():  # nobody else holds them, so they go into a record as they are
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
@@ -472,21 +472,21 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     return Channels(path=str(path), arrays=numeric, units=units, clocks=clocks, notes=notes)
 
 
-def reader_of_suffix(path: Path, suffix: str) -> Reader:
+def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
     """Return who reads a file by its suffix; refuse a result of ours that is no measurement, and what nobody reads."""
     if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
         raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
     if suffix not in READERS:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
         cure = "; export the SDF of the analyser as a table, .mat or .uff" if suffix == ".sdf" else cure
-        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
+        raise ValueError(f"path must end in {_SUFFIXES}, got {path.name!r}{cure}; {_OTHER_WAY}")
     return READERS[suffix]
 
 
-def read_contents(path: Path, suffix: str, reader: Reader) -> Contents:
+def _read_contents(path: Path, suffix: str, reader: _Reader) -> Contents:
     """Return what the reader of a file finds in it; whatever ends it is one clear error."""
     try:
-        reader = reader_by_start(path, reader)
+        reader = _reader_by_start(path, reader)
         if isinstance(reader.contents, ModuleType):
             return read_in_own_process(str(reader.contents.__file__), path)
         return reader.contents(path)
@@ -495,24 +495,24 @@ def read_contents(path: Path, suffix: str, reader: Reader) -> Contents:
     except ModuleNotFoundError as missing:
         raise ValueError(
             f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
-            f"pip install 'nlfrf[{reader.extra}]'; {OTHER_WAY}"
+            f"pip install 'nlfrf[{reader.extra}]'; {_OTHER_WAY}"
         ) from None
     except Exception as error:  # readers of damaged files raise nearly anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(
-            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHER_WAY}"
+            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {_OTHER_WAY}"
         ) from None
 
 
-def reader_by_start(path: Path, reader: Reader) -> Reader:
+def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
     """Return who reads a file with the reader of its suffix: of texts its first bytes may name another."""
-    if reader is TEXT_READER:
+    if reader is _TEXT_READER:
         with path.open("rb") as stream:
             start = stream.read(1024)
         if start.startswith(b"MDF "):  # its older versions are called .dat
-            return MDF_READER
+            return _MDF_READER
         if twincat.is_export(start):
-            return TWINCAT
+            return _TWINCAT
     return reader
 
 
@@ -522,12 +522,12 @@ def extra_of_file(path: Path) -> str:
     try:
         if reader is None or not path.is_file() or (path.suffix.lower() == ".mat" and not matlab.is_version_73(path)):
             return ""
-        return reader_by_start(path, reader).extra
+        return _reader_by_start(path, reader).extra
     except OSError:  # of a file that may not be read at all
         return ""
 
 
-def read_compressed(path: Path) -> Channels:
+def _read_compressed(path: Path) -> Channels:
     """Read a text table that gzip compressed, `run.csv.gz`, unpacked into a file that is gone afterwards."""
     size, n = path.stat().st_size, 0
     with tempfile.TemporaryDirectory() as folder:
@@ -540,12 +540,12 @@ def read_compressed(path: Path) -> Channels:
                     written.write(block)
         except (OSError, EOFError, ValueError, zlib.error) as error:
             raise ValueError(
-                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))}; {OTHER_WAY}"
+                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))}; {_OTHER_WAY}"
             ) from None
         return replace(read_channels(unpacked), path=str(path))
 
 
-def clean_names(
+def _clean_names(
     arrays: Mapping[str, np.ndarray],
     units: Mapping[str, str],
     *,
@@ -569,7 +569,7 @@ def clean_names(
     )
 
 
-def abscissas_in_seconds(
+def _abscissas_in_seconds(
     arrays: Mapping[str, np.ndarray], units: Mapping[str, str], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
     """Return steps and starts of waveforms in seconds: units state that of ``name.start``; 0 Hz where it is unknown."""
@@ -584,7 +584,7 @@ def abscissas_in_seconds(
     return scaled, rates
 
 
-def split_columns(
+def _split_columns(
     arrays: Mapping[str, np.ndarray], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
     """Add each column of a matrix as a channel of its own; where the first column rises evenly it is their time."""
@@ -593,18 +593,18 @@ def split_columns(
         if array.ndim != 2 or array.dtype.kind not in "fiu":
             continue
         rows = array if array.shape[0] < array.shape[1] else array.T
-        if not 1 < len(rows) <= MAX_COLUMNS or rows.shape[1] < 4 * len(rows):
+        if not 1 < len(rows) <= _MAX_COLUMNS or rows.shape[1] < 4 * len(rows):
             continue
         for i, row in enumerate(rows):
             more[f"{name}.{i + 1}"] = row
             if name in clocks:
                 clocks[f"{name}.{i + 1}"] = clocks[name]
-            elif is_time_axis(rows[0]) and i:
+            elif _is_time_axis(rows[0]) and i:
                 clocks[f"{name}.{i + 1}"] = f"{name}.1"
     return more, clocks
 
 
-def is_time_axis(t: np.ndarray) -> bool:
+def _is_time_axis(t: np.ndarray) -> bool:
     """Return whether a stream is a time axis: it rises by even steps."""
     steps = np.diff(np.asarray(t, dtype=float))
     return bool(steps.size and steps.min() > 0.5 * np.median(steps) > 0 and np.ptp(steps) < 0.1 * np.median(steps))

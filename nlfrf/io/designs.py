@@ -23,13 +23,13 @@ from nlfrf.io.stored_values import load_value, save_value
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-MULTISINE_SCHEMA = "nlfrf-multisine"
-EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
-PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
-EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
+_MULTISINE_SCHEMA = "nlfrf-multisine"
+_EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
+_PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
+_EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
 DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
-    MULTISINE_SCHEMA: Multisine,
-    EXPERIMENT_SCHEMA: AxisExperiment,
+    _MULTISINE_SCHEMA: Multisine,
+    _EXPERIMENT_SCHEMA: AxisExperiment,
 }
 
 
@@ -38,16 +38,16 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str 
     path, companion = to_path(path), to_path(path).with_suffix(".npz")
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
-    if suffix not in (*EXACT_SUFFIXES, *PLAYABLE_SUFFIXES):
+    if suffix not in (*_EXACT_SUFFIXES, *_PLAYABLE_SUFFIXES):
         raise ValueError(
-            f"path must end in {', '.join(EXACT_SUFFIXES)} or, to be played, {', '.join(PLAYABLE_SUFFIXES)}, "
+            f"path must end in {', '.join(_EXACT_SUFFIXES)} or, to be played, {', '.join(_PLAYABLE_SUFFIXES)}, "
             f"got {path.name!r}"
         )
-    if suffix in PLAYABLE_SUFFIXES:
+    if suffix in _PLAYABLE_SUFFIXES:
         require_writable(companion, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
-        write_table(path, np.column_stack([t, *played_samples(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
+        write_table(path, np.column_stack([t, *_played_samples(u)]), ["t [s]", *_played_names(ms)], decimal=decimal)
     elif suffix == ".mat":
         save_mat(
             path,
@@ -64,17 +64,17 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str 
         from scipy.io import wavfile
 
         rate = require_integer("fs of a .wav file", ms.fs, least=1)
-        samples = (played_samples(u).T / peak).astype(np.float32)
+        samples = (_played_samples(u).T / peak).astype(np.float32)
 
         def write(target: Path) -> None:
             wavfile.write(target, rate, samples)
-            add_remark(target, f"full scale is {peak:.17g}")
+            _add_remark(target, f"full scale is {peak:.17g}")
 
         write_atomically(path, write)
     else:
-        save_value(ms, MULTISINE_SCHEMA, path, u=u)
+        save_value(ms, _MULTISINE_SCHEMA, path, u=u)
         return
-    save_value(ms, MULTISINE_SCHEMA, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
+    save_value(ms, _MULTISINE_SCHEMA, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
 
 
 def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
@@ -84,10 +84,10 @@ def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *,
     """
     path = to_path(path)
     suffix, companion = path.suffix.lower(), path.with_suffix(".npz")
-    if suffix not in (*EXACT_SUFFIXES, ".csv"):
-        raise ValueError(f"path must end in .csv, to be played, or in {', '.join(EXACT_SUFFIXES)}, got {path.name!r}")
+    if suffix not in (*_EXACT_SUFFIXES, ".csv"):
+        raise ValueError(f"path must end in .csv, to be played, or in {', '.join(_EXACT_SUFFIXES)}, got {path.name!r}")
     if suffix != ".csv":
-        save_value(experiment, EXPERIMENT_SCHEMA, path)
+        save_value(experiment, _EXPERIMENT_SCHEMA, path)
         return
     require_writable(companion, role=Role.DERIVED)  # before the first of several files is there
     t, M = np.arange(experiment.n_rows) / experiment.ms.fs, experiment.ms.n_realizations
@@ -95,10 +95,10 @@ def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *,
         target = path if M == 1 else path.with_name(f"{path.stem}-{m + 1}{path.suffix}")
         columns = {f"{port} [{experiment.units[port]}]": one for port, one in experiment.set_points(m).items()}
         write_table(target, np.column_stack([t, *columns.values()]), ["t [s]", *columns], decimal=decimal)
-    save_value(experiment, EXPERIMENT_SCHEMA, companion, role=Role.DERIVED)
+    save_value(experiment, _EXPERIMENT_SCHEMA, companion, role=Role.DERIVED)
 
 
-def add_remark(path: Path, text: str) -> None:
+def _add_remark(path: Path, text: str) -> None:
     """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF, INFO list)."""
 
     def chunk(name: bytes, content: bytes) -> bytes:
@@ -112,12 +112,12 @@ def add_remark(path: Path, text: str) -> None:
         stream.write(struct.pack("<I", size + len(remark) - 8))
 
 
-def played_samples(u: np.ndarray) -> np.ndarray:
+def _played_samples(u: np.ndarray) -> np.ndarray:
     """Return (channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
     return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 
 
-def played_names(ms: Multisine) -> list[str]:
+def _played_names(ms: Multisine) -> list[str]:
     """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
     if ms.is_single:
         return [f"u{m}" for m in range(ms.n_realizations)]
@@ -134,5 +134,5 @@ def load_design(path: str | os.PathLike[str]) -> Multisine:
 
 def load_experiment(path: str | os.PathLike[str]) -> AxisExperiment:
     """Return the experiment that `save_experiment` wrote."""
-    experiment: AxisExperiment = load_value({EXPERIMENT_SCHEMA: AxisExperiment}, path)
+    experiment: AxisExperiment = load_value({_EXPERIMENT_SCHEMA: AxisExperiment}, path)
     return experiment

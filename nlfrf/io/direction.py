@@ -24,18 +24,18 @@ from nlfrf.records.direction import (
 )
 from nlfrf.records.period import detect_repetition, is_repeated
 
-INPUT_NAMES = re.compile(
+_INPUT_NAMES = re.compile(
     r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
     re.I,
 )
-OUTPUT_NAMES = re.compile(
+_OUTPUT_NAMES = re.compile(
     r"y\d*|out(put)?\d*|x\d*|theta.*|"
     r".*(pos|weg|lage|drehz|geschw|angle|winkel|acc|beschl|vel|speed|disp|response|meas|enc(?![ey])|ist(?![a-z])).*|"
     r"(.*[^a-z])?ist.*",  # the actual value, in German; the conditions leave out "reference" and "distance"
     re.I,
 )
-SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
-SET_POINT = re.compile(rf"[ _.]*(?:{SET_WORDS})$|(?<![a-z])(?:{SET_WORDS})(?![a-z])[ _.]*", re.I)
+_SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
+_SET_POINT = re.compile(rf"[ _.]*(?:{_SET_WORDS})$|(?<![a-z])(?:{_SET_WORDS})(?![a-z])[ _.]*", re.I)
 MAX_CANDIDATES = 12  # channels whose spectra are looked at
 WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
 
@@ -67,18 +67,18 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     rate : callable
         Sampling frequency [Hz] of a channel by its name; nan where it is not known.
     """
-    likely = sorted(streams, key=rank_by_name)[:MAX_CANDIDATES]
+    likely = sorted(streams, key=_rank_by_name)[:MAX_CANDIDATES]
     x = {name: np.asarray(streams[name], dtype=float) for name in streams if name in likely}
-    period, together = find_common_period(x)
+    period, together = _find_common_period(x)
     n = round(period)
     period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
     found = {name: find_signal_lines(one[: one.size // n * n].reshape(1, -1, n)) for name, one in together.items()}
     lines = {name: one for name, one in found.items() if one is not None}
     if not lines:
-        inputs = [name for name in x if rank_by_name(name) is Rank.INPUT]
+        inputs = [name for name in x if _rank_by_name(name) is Rank.INPUT]
         return Direction(u=inputs[0]) if len(inputs) == 1 < len(x) else Direction()
-    u, doubt = choose_input(lines)
-    references = [name for name in lines if name != u and rank_by_name(name) is Rank.SET_POINT]
+    u, doubt = _choose_input(lines)
+    references = [name for name in lines if name != u and _rank_by_name(name) is Rank.SET_POINT]
     reference = min(references, key=lambda name: lines[name].spread, default="") if u else ""
     name = u or next(iter(lines))
     excited, fs = lines[name].grid.excited, rate(name)
@@ -88,7 +88,7 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     return Direction(u, reference, period, f"period {period:.6g} samples{lasts}, {periods}; {n_lines}{band}", doubt)
 
 
-def find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
+def _find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
     """Return the period [samples] of channels that were sampled together, 0 where none has one, and those that have it.
 
     Where a channel that does not repeat has odd lines alone over its whole length, that is one period, whatever rings
@@ -108,22 +108,22 @@ def find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[s
     return max(groups, key=lambda group: (len(group[1]), group[0]), default=(0.0, {}))
 
 
-def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
+def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     """Return the input among channels that repeat together, and why there is none: their names, then their lines."""
-    ranks = {name: rank_by_name(name) for name in lines}
+    ranks = {name: _rank_by_name(name) for name in lines}
     first = min(ranks.values())
     if first is Rank.SET_POINT and list(ranks.values()).count(Rank.UNKNOWN) > 1 and Rank.OUTPUT not in ranks.values():
         first = Rank.UNKNOWN  # a loop whose input is one of them
     names = [name for name in lines if ranks[name] is first]
     u = names[0]
     if len(names) > 1:
-        beaten = {b for a in names for b in names if shows_played(lines[a], lines[b])}
+        beaten = {b for a in names for b in names if _shows_played(lines[a], lines[b])}
         left = [name for name in names if name not in beaten] if beaten else []
         if len(left) != 1 and first > Rank.SET_POINT:
             return "", f"neither names nor lines show which of {join_names(names)} was played"
         u = left[0] if len(left) == 1 else min(names, key=lambda name: lines[name].spread)
-    quantity = bare_name(u)
-    u = next((name for name in lines if name != u and SET_POINT.sub("", bare_name(name)) == quantity), u)
+    quantity = _bare_name(u)
+    u = next((name for name in lines if name != u and _SET_POINT.sub("", _bare_name(name)) == quantity), u)
     for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
         level = f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
         if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
@@ -134,30 +134,30 @@ def choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     return u, ""
 
 
-def shows_played(one: SignalLines, other: SignalLines) -> bool:
+def _shows_played(one: SignalLines, other: SignalLines) -> bool:
     """Return whether one signal was played and not another: it is clean between its lines, of one level, or exact."""
     if compare_detection_lines(other, one):
         return False
     return bool(compare_detection_lines(one, other) or compare_levels(one, other) or one.is_exact > other.is_exact)
 
 
-def rank_by_name(name: str) -> Rank:
+def _rank_by_name(name: str) -> Rank:
     """Return what a channel is by its name.
 
-    >>> [rank_by_name(name).name for name in ("Kraft [N]", "speed_ref", "ch1", "measured current", "run.Lage (mm)")]
+    >>> [_rank_by_name(name).name for name in ("Kraft [N]", "speed_ref", "ch1", "measured current", "run.Lage (mm)")]
     ['INPUT', 'SET_POINT', 'UNKNOWN', 'UNKNOWN', 'OUTPUT']
     """
-    short = bare_name(name)
+    short = _bare_name(name)
     if is_set_point(name):
         return Rank.SET_POINT
-    drives, responds = INPUT_NAMES.fullmatch(short) is not None, OUTPUT_NAMES.fullmatch(short) is not None
+    drives, responds = _INPUT_NAMES.fullmatch(short) is not None, _OUTPUT_NAMES.fullmatch(short) is not None
     return Rank.UNKNOWN if drives == responds else Rank.INPUT if drives else Rank.OUTPUT
 
 
 def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
     """Return the first channel called like an output, else the first that is not called like an input or set point."""
     others = [name for name in candidates if name != u and candidates[name].size == candidates[u].size]
-    ranked = sorted((name for name in others if not is_set_point(name)), key=rank_by_name, reverse=True)
+    ranked = sorted((name for name in others if not is_set_point(name)), key=_rank_by_name, reverse=True)
     return ranked[0] if ranked else ""
 
 
@@ -167,9 +167,9 @@ def is_set_point(name: str) -> bool:
     >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
     [True, True, True, False]
     """
-    return bool(SET_POINT.search(bare_name(name)))
+    return bool(_SET_POINT.search(_bare_name(name)))
 
 
-def bare_name(name: str) -> str:
+def _bare_name(name: str) -> str:
     """Return a name without its unit and the structs around it."""
     return UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1].strip()

@@ -18,9 +18,9 @@ from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.readers.names import ROLES, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
 
 #: The parts of G in the order in which they count, and keys of `columns`, which are short for quantities.
-WHOLE = ("complex", "real", "magnitude")
-PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
-KEYS = {
+_WHOLE = ("complex", "real", "magnitude")
+_PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
+_KEYS = {
     "f": "frequency",
     "G": "complex",
     "re": "real",
@@ -30,11 +30,11 @@ KEYS = {
     "std": "std",
     "coherence": "coherence",
 }
-MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
-SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
-MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
+_MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
+_SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
+_MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
 #: What a variance needs, and why.
-NEEDS = {
+_NEEDS = {
     "n_averages": "a coherence gives a variance only with the number of independent averages, which the file lacks",
     "relative_std": "the file holds no coherence, and a swept sine shows no distortion, so nothing says how far G may "
     "be off. Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012, 1 degree is 0.017), "
@@ -42,7 +42,7 @@ NEEDS = {
 }
 
 
-class FrfTable(NamedTuple):
+class _FrfTable(NamedTuple):
     """An FRF in a file: increasing frequencies [Hz], the names of the columns behind G, the unit of G.
 
     `left_out` are columns of the same length that it does not use; `refusal` says why its columns are not understood.
@@ -139,7 +139,7 @@ def load_frf(
     std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
-        raise MissingArgumentError(missing, NEEDS[missing])
+        raise MissingArgumentError(missing, _NEEDS[missing])
     if table.left_out and len(tables) == 1:
         data_warning(f"left out as no part of the FRF in {name!r}: {', '.join(map(repr, table.left_out))}")
     top, slash, bottom = table.unit.rpartition("/")
@@ -156,7 +156,7 @@ def load_frf(
     )
 
 
-class Column(NamedTuple):
+class _Column(NamedTuple):
     """A column of a file: its name, its numbers, and what the name says of them."""
 
     name: str
@@ -164,10 +164,10 @@ class Column(NamedTuple):
     parsed: ColumnName
 
 
-def parse_columns(text: str, file: Channels) -> list[Column]:
+def _parse_columns(text: str, file: Channels) -> list[_Column]:
     """Parse the option that says what the columns of a file are, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]"."""
     columns = []
-    for item in re.split(rf",\s*(?=(?:{'|'.join(KEYS)})\s*=)", text.strip()):
+    for item in re.split(rf",\s*(?=(?:{'|'.join(_KEYS)})\s*=)", text.strip()):
         key, _, rest = (one.strip() for one in item.partition("="))
         name, signs, unit = file.full_name(rest), "", ""
         if name not in file.arrays and (found := re.fullmatch(r"([-−]?(?:\s*1\s*/)?)\s*(.+?)", rest)):
@@ -175,14 +175,14 @@ def parse_columns(text: str, file: Channels) -> list[Column]:
         if name not in file.arrays and (found := re.fullmatch(r"(.+?)\s*\[([^\[\]]*)\]", name)):
             name, unit = file.full_name(found[1]), found[2]
         parsed = parse_name(name, unit or file.stated_unit(name))
-        if key not in KEYS or name not in file.arrays or (unit and not suits(KEYS[key], parse_unit(unit))):
+        if key not in _KEYS or name not in file.arrays or (unit and not suits(_KEYS[key], parse_unit(unit))):
             raise ValueError(
-                f"columns must be {', '.join(KEYS)}, each with a column and a unit of it, as in 'f=col1 [Hz], "
+                f"columns must be {', '.join(_KEYS)}, each with a column and a unit of it, as in 'f=col1 [Hz], "
                 f"re=col2 [Ohm], im=-col3 [Ohm]', got {item!r}; the columns of {Path(file.path).name!r} are "
                 + ", ".join(file.arrays)
             )
         named = parsed._replace(
-            quantity=KEYS[key],
+            quantity=_KEYS[key],
             sign=parsed.sign * (-1 if signs[:1] in ("-", "−") else 1),
             inverse=parsed.inverse != ("/" in signs),
             unit=parse_unit(unit) if unit else parsed.unit,
@@ -190,11 +190,11 @@ def parse_columns(text: str, file: Channels) -> list[Column]:
             label="",
             unknown=(),
         )
-        columns.append(Column(name, np.ravel(file.arrays[name]), named))
+        columns.append(_Column(name, np.ravel(file.arrays[name]), named))
     return columns
 
 
-def find_frfs(file: Channels, columns: str = "") -> dict[str, FrfTable]:
+def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
     """Find the FRFs in the channels of a file, each once, by what the names of their columns share."""
     numeric = {
         name: np.ravel(array)
@@ -205,32 +205,32 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, FrfTable]:
         columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as files of loudspeakers have them
         data_warning(f"{Path(file.path).name!r} names no columns: they are taken for {columns!r}")
     found = (
-        parse_columns(columns, file)
+        _parse_columns(columns, file)
         if columns
         else [
-            Column(name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c"))
+            _Column(name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c"))
             for name, x in numeric.items()
         ]
     )
-    tables: dict[str, FrfTable] = {}
-    for label in dict.fromkeys(one.parsed.label for one in found if one.parsed.quantity in WHOLE):
-        if (table := read_frf(found, label, Path(file.path).name)) is None:
+    tables: dict[str, _FrfTable] = {}
+    for label in dict.fromkeys(one.parsed.label for one in found if one.parsed.quantity in _WHOLE):
+        if (table := _read_frf(found, label, Path(file.path).name)) is None:
             continue
         others = [one.G for one in tables.values() if one.G.shape == table.G.shape]
         # an admittance is no other FRF than its impedance
-        same = (np.all(np.abs(G - table.G) <= SAME_FRF * np.abs(G)) for one in others for G in (one, 1 / one))
+        same = (np.all(np.abs(G - table.G) <= _SAME_FRF * np.abs(G)) for one in others for G in (one, 1 / one))
         if table.refusal or not any(same):
             tables[label] = table
     return tables
 
 
-def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
+def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
     """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
-    whole = [one for one in found if one.parsed.quantity in WHOLE]
+    whole = [one for one in found if one.parsed.quantity in _WHOLE]
     of, size = next((one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label)
     is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
 
-    def related(quantity: str) -> list[Column]:
+    def related(quantity: str) -> list[_Column]:
         some = [one for one in found if one.parsed.quantity == quantity and one.x.size == size]
         own = [one for one in some if one.parsed.label == label]
         bare = [one for one in some if not one.parsed.label]
@@ -248,54 +248,54 @@ def read_frf(found: list[Column], label: str, file: str) -> FrfTable | None:
         }
         return own or other.get(quantity, [])
 
-    axes = sorted((one for one in related("frequency") if is_monotone(one.x)), key=is_unclear)
-    forms = [form for parts in PARTS for form in itertools.product(*map(related, parts))]
-    forms.sort(key=lambda form: any(map(is_unclear, form)))
+    axes = sorted((one for one in related("frequency") if _is_monotone(one.x)), key=_is_unclear)
+    forms = [form for parts in _PARTS for form in itertools.product(*map(related, parts))]
+    forms.sort(key=lambda form: any(map(_is_unclear, form)))
     if not axes or not forms:
         return None
-    lone = [(one,) for part in PARTS[2] for one in related(part)]
+    lone = [(one,) for part in _PARTS[2] for one in related(part)]
     try:
-        table, used = assemble(axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file)
+        table, used = _assemble(axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file)
     except ValueError as error:
-        example = ", ".join(map(example_of, (axes[0], *forms[0])))
+        example = ", ".join(map(_example_of, (axes[0], *forms[0])))
         why = f"columns must say what those of {file!r} are: {error}; as in {example!r}"
-        return FrfTable(tuple(one.name for one in forms[0]), refusal=why)
+        return _FrfTable(tuple(one.name for one in forms[0]), refusal=why)
     others = [one for one in found if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)]
     left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
     return table._replace(left_out=left_out) if table.f.size else None
 
 
-def assemble(
-    axes: list[Column],
-    forms: list[tuple[Column, ...]],
-    others: list[tuple[Column, ...]],
-    deviations: list[Column],
-    coherences: list[Column],
+def _assemble(
+    axes: list[_Column],
+    forms: list[tuple[_Column, ...]],
+    others: list[tuple[_Column, ...]],
+    deviations: list[_Column],
+    coherences: list[_Column],
     file: str,
-) -> tuple[FrfTable, set[str]]:
+) -> tuple[_FrfTable, set[str]]:
     """Return an FRF, and the names behind it or held against it; refuse what is not known, or contradicts it."""
-    require_known_words(axes[0], forms[0], file)
+    _require_known_words(axes[0], forms[0], file)
     in_matlab = axes[0].name.rpartition(".")[2] == "wout"
-    axis, *first = [with_unit(one, file, in_matlab=in_matlab) for one in (axes[0], *forms[0])]
-    f, G, (divisor, unit) = convert(axis.parsed, axis.x), complex_numbers(first), unit_of_parts(first)
-    same_axes = [one for one in axes[1:] if not is_unclear(one)]
-    if differing := [one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=SAME_FRF)]:
+    axis, *first = [_with_unit(one, file, in_matlab=in_matlab) for one in (axes[0], *forms[0])]
+    f, G, (divisor, unit) = convert(axis.parsed, axis.x), _complex_numbers(first), _unit_of_parts(first)
+    same_axes = [one for one in axes[1:] if not _is_unclear(one)]
+    if differing := [one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=_SAME_FRF)]:
         raise ValueError(f"the frequencies {axis.name!r} and {differing[0].name!r} contradict each other")
     names = {one.name for one in first}
-    clear = [form for form in others if not any(map(is_unclear, form)) and not names >= {one.name for one in form}]
+    clear = [form for form in others if not any(map(_is_unclear, form)) and not names >= {one.name for one in form}]
     for form in clear:
-        require_same(G, first, form)
+        _require_same(G, first, form)
     for form in others:
-        is_open = any(map(is_unclear, form)) and not any(one.parsed.unknown for one in form)
+        is_open = any(map(_is_unclear, form)) and not any(one.parsed.unknown for one in form)
         if is_open and [one.parsed.quantity for one in form] == [one.parsed.quantity for one in first]:
             a, b = next(pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name)
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
-    known = [(one, x) for one in deviations if (x := deviation_of(one, np.abs(G), own)) is not None]
+    known = [(one, x) for one in deviations if (x := _deviation_of(one, np.abs(G), own)) is not None]
     n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G deviates as much
     coherences = [one for one in coherences[:1] if not one.parsed.unknown]
     used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[:: 1 if np.nanargmax(f) > np.nanargmin(f) else -1]
-    table = FrfTable(
+    table = _FrfTable(
         columns=tuple(one.name for one in first),
         f=f[used],
         G=G[used] / divisor,
@@ -308,26 +308,26 @@ def assemble(
     }
 
 
-def is_monotone(x: np.ndarray) -> bool:
+def _is_monotone(x: np.ndarray) -> bool:
     """Return whether numbers rise or fall throughout."""
     steps = np.diff(x[np.isfinite(x)])
     return bool(abs(np.sign(steps).sum()) == max(steps.size, 1))
 
 
-def is_unclear(column: Column) -> bool:
+def _is_unclear(column: _Column) -> bool:
     """Return whether words of a column are not known, or its unit where it decides what the numbers are."""
     one = column.parsed
     return bool(one.unknown) or (one.unit is None and one.quantity in ("frequency", "magnitude", "phase"))
 
 
-def example_of(column: Column) -> str:
+def _example_of(column: _Column) -> str:
     """Return how the option says what a column is."""
-    key = next(key for key, quantity in KEYS.items() if quantity == column.parsed.quantity)
-    unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]") if is_unclear(column) else ""
+    key = next(key for key, quantity in _KEYS.items() if quantity == column.parsed.quantity)
+    unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]") if _is_unclear(column) else ""
     return f"{key}={column.name}{unit}"
 
 
-def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None:
+def _require_known_words(axis: _Column, form: Sequence[_Column], file: str) -> None:
     """Refuse words that are not known; those that all parts share are what was measured, which is said."""
     shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
     for one in (axis, *form):
@@ -341,7 +341,7 @@ def require_known_words(axis: Column, form: Sequence[Column], file: str) -> None
         data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken for what was measured")
 
 
-def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
+def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Column:
     """Return a column with its unit; where none is stated, that which is likely, with a warning, or a refusal.
 
     In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
@@ -352,7 +352,7 @@ def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
     if column.parsed.unit or quantity not in likely:
         return column
     taken, other = likely[quantity]
-    if taken == "dB" and not np.mean(x[np.isfinite(x)] < 0) > MIN_NEGATIVE:
+    if taken == "dB" and not np.mean(x[np.isfinite(x)] < 0) > _MIN_NEGATIVE:
         raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
     if not in_matlab:
         data_warning(
@@ -362,7 +362,7 @@ def with_unit(column: Column, file: str, *, in_matlab: bool = False) -> Column:
     return column._replace(parsed=column.parsed._replace(unit=parse_unit(taken)))
 
 
-def complex_numbers(form: Sequence[Column], G: np.ndarray | None = None) -> np.ndarray:
+def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np.ndarray:
     """Return G in SI units by its parts; of a magnitude or a phase alone with the other part of `G`."""
     x = {one.parsed.quantity: convert(one.parsed, one.x) for one in form}
     if "real" in x:
@@ -374,7 +374,7 @@ def complex_numbers(form: Sequence[Column], G: np.ndarray | None = None) -> np.n
     return x["complex"] if "complex" in x else x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
 
 
-def unit_of_parts(form: Sequence[Column]) -> tuple[float, str]:
+def _unit_of_parts(form: Sequence[_Column]) -> tuple[float, str]:
     """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its name."""
     parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
     units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
@@ -389,25 +389,25 @@ def unit_of_parts(form: Sequence[Column]) -> tuple[float, str]:
     return (1 / divisor, inverted) if parts[0].inverse else (divisor, name)
 
 
-def require_same(G: np.ndarray, first: Sequence[Column], form: Sequence[Column]) -> None:
+def _require_same(G: np.ndarray, first: Sequence[_Column], form: Sequence[_Column]) -> None:
     """Refuse two forms of G that contradict each other by more than the digits of their columns."""
-    other, tolerance = complex_numbers(form, G), SAME_FRF * np.abs(G)
+    other, tolerance = _complex_numbers(form, G), _SAME_FRF * np.abs(G)
     for columns, value in ((first, G), (form, other)):
-        moved = [one._replace(x=one.x + last_decimal(one.x)) for one in columns]
-        tolerance = tolerance + np.abs(complex_numbers(moved, G) - value)
+        moved = [one._replace(x=one.x + _last_decimal(one.x)) for one in columns]
+        tolerance = tolerance + np.abs(_complex_numbers(moved, G) - value)
     n_off = np.count_nonzero(np.abs(other - G) > tolerance)  # numbers that are missing in one do not count
-    if n_off > max(1.0, MAX_OUTLIERS * G.size):
+    if n_off > max(1.0, _MAX_OUTLIERS * G.size):
         names = (join_names([repr(one.name) for one in columns]) for columns in (first, form))
         raise ValueError(f"{' contradict '.join(names)} in {n_off} of {G.size} lines")
 
 
-def last_decimal(x: np.ndarray) -> float:
+def _last_decimal(x: np.ndarray) -> float:
     """Return the last decimal that numbers are written with; 0 of those with many digits."""
     kept = x[np.isfinite(x)]
     return next((10.0**-k for k in range(12) if np.allclose(np.round(kept, k), kept, rtol=1e-12, atol=0)), 0.0)
 
 
-def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
+def _deviation_of(column: _Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
     """Return the standard deviation of G or of a part in SI units; None where its unit does not go with that of G."""
     unit = column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
     if unit is None or column.parsed.unknown:
@@ -420,7 +420,7 @@ def deviation_of(column: Column, size: np.ndarray, own: Unit | None) -> np.ndarr
     return np.asarray(x * size if is_relative else x)
 
 
-def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
+def describe_frfs(tables: dict[str, _FrfTable]) -> tuple[str, tuple[str, ...]]:
     """Return what the FRFs of a file are and what the first lacks, in words, and the options that it needs."""
     if not tables:
         return "", ()
@@ -434,4 +434,4 @@ def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
     if frf.std is not None:
         return about, channel
     missing, option = ("relative_std", "relative-std") if frf.coherence is None else ("n_averages", "averages")
-    return f"{about}\nneeds: {NEEDS[missing]}", (f"--{option}", option.upper(), *channel)
+    return f"{about}\nneeds: {_NEEDS[missing]}", (f"--{option}", option.upper(), *channel)

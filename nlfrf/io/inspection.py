@@ -34,13 +34,13 @@ from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
-MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
+_MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
+_MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
 #: Why a channel is no candidate.
-PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
+_PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
 
 
-class Channel(NamedTuple):
+class _Channel(NamedTuple):
     """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan where not told), extremes, rms."""
 
     name: str
@@ -53,7 +53,7 @@ class Channel(NamedTuple):
 
 
 @value
-class FileContents:
+class _FileContents:
     """What `inspect_file` found.
 
     Fields
@@ -97,7 +97,7 @@ class FileContents:
     """
 
     path: str
-    channels: tuple[Channel, ...]
+    channels: tuple[_Channel, ...]
     notes: dict[str, str]
     u: str
     y: str
@@ -114,17 +114,17 @@ class FileContents:
     @property
     def command(self) -> str:
         """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
-        file, stem = escape_dash(self.path), Path(self.path).stem
+        file, stem = _escape_dash(self.path), Path(self.path).stem
         if self.frf and not self.period:
-            return shlex.join(["robust", "model", file, *self.frf_options, "-o", escape_dash(f"{stem}-model.json")])
+            return shlex.join(["robust", "model", file, *self.frf_options, "-o", _escape_dash(f"{stem}-model.json")])
         options = () if self.schema else self.record_options()
-        return shlex.join(["nlfrf", "identify", file, *options, "-o", escape_dash(f"{stem}-bla.npz")])
+        return shlex.join(["nlfrf", "identify", file, *options, "-o", _escape_dash(f"{stem}-bla.npz")])
 
     def record_options(self) -> list[str]:
         """Return the options that say what the record of others is."""
-        options = ["--input", quote_name(self.u or "INPUT"), "--output", quote_name(self.y or "OUTPUT")]
+        options = ["--input", _quote_name(self.u or "INPUT"), "--output", _quote_name(self.y or "OUTPUT")]
         options += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
-        options += ["--reference", quote_name(self.reference)] if self.reference else []
+        options += ["--reference", _quote_name(self.reference)] if self.reference else []
         known = [one for one in self.channels if self.u in ("", one.name)]
         options += [] if any(np.isfinite(one.fs) for one in known) else ["--fs", "HERTZ"]
         if max((one.n for one in known), default=0) < 2 * self.period or (self.u and not self.period):
@@ -133,7 +133,7 @@ class FileContents:
 
     def __str__(self) -> str:
         what = format_count(len(self.channels), "channel") if self.channels else self.schema
-        lines = [f"{Path(self.path).name}: {what}", *table_of_channels(self.channels)]
+        lines = [f"{Path(self.path).name}: {what}", *_table_of_channels(self.channels)]
         lines += [f"  {name}: {why}" for name, why in self.notes.items()]
         if self.schema:
             lines += [self.lines, f"written by this package, as {self.schema}"]
@@ -153,7 +153,7 @@ class FileContents:
         return "\n".join([*lines, f"run:   {self.command}"])
 
 
-def table_of_channels(channels: Sequence[Channel]) -> list[str]:
+def _table_of_channels(channels: Sequence[_Channel]) -> list[str]:
     """Return a line for each channel below their head, in columns; none without channels."""
     rows: list[tuple[str, ...]] = [("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")]
     for c in channels:
@@ -167,22 +167,22 @@ def table_of_channels(channels: Sequence[Channel]) -> list[str]:
     return [("  " + "  ".join(cells)).rstrip() for cells in aligned] if channels else []
 
 
-def quote_name(name: str) -> str:
+def _quote_name(name: str) -> str:
     """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
 
-    >>> print(quote_name("Kraft"), quote_name("Kraft, x"))
+    >>> print(_quote_name("Kraft"), _quote_name("Kraft, x"))
     Kraft "Kraft, x"
     """
     plain = "," not in name and not name.startswith('"') and name == name.strip()
     return name if plain else '"' + name.replace('"', '""') + '"'
 
 
-def escape_dash(path: str) -> str:
+def _escape_dash(path: str) -> str:
     """Return a path that begins with a dash, told apart from an option."""
     return f"./{path}" if path.startswith("-") else path
 
 
-def inspect_file(path: str | os.PathLike[str]) -> FileContents:
+def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     """Look into a measurement file: its channels, and a guess at input, output and period.
 
     Parameters
@@ -219,7 +219,7 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
         file = read_channels(path)
         if file.text("schema"):
-            return own_contents(file)
+            return _own_contents(file)
         gaps = [name for name in file.signals if not np.isfinite(file.arrays[name][:2]).all()]
         file = merge_alternating_rows(file, gaps)
         for name in [name for name in file.signals if file.arrays[name].ndim == 2]:
@@ -227,26 +227,26 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(
-            channel_statistics(name, file.unit(name), fs=known_rate(file, name), stream=stream)
+            _channel_statistics(name, file.unit(name), fs=_known_rate(file, name), stream=stream)
             for name, stream in streams.items()
         )
     tables = find_frfs(file)
     frf, frf_options = describe_frfs(tables)
     n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
-    candidates, progressive = split_moving(file, streams)
-    rows = {name: find_rows_off(file.seconds(name), known_rate(file, name)) for name in candidates}
+    candidates, progressive = _split_moving(file, streams)
+    rows = {name: find_rows_off(file.seconds(name), _known_rate(file, name)) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
-    groups = group_by_length(filled)
-    guesses = [find_direction(together, lambda name: known_rate(file, name)) for together in groups]
+    groups = _group_by_length(filled)
+    guesses = [find_direction(together, lambda name: _known_rate(file, name)) for together in groups]
     guess = next((one for one in guesses if one.period), next((one for one in guesses if one.u), Direction()))
     lost = rows.get(guess.u)
-    return FileContents(
+    return _FileContents(
         path=str(path),
         channels=channels,
-        notes=dict.fromkeys(progressive, PROGRESSIVE) | dict(file.notes),
+        notes=dict.fromkeys(progressive, _PROGRESSIVE) | dict(file.notes),
         u=guess.u,
         y=choose_output(guess.u, candidates) if guess.u else "",
         period=guess.period,
@@ -261,15 +261,15 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     )
 
 
-def split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+def _split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return the streams that move and are no times, and the names of those that only rise or fall."""
     times = {name for name in streams if is_time_name(name)} | set(file.clocks.values())
-    varying = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
-    candidates = {name: stream for name, stream in varying.items() if not is_progressive(stream)}
+    varying = {name: stream for name, stream in streams.items() if name not in times and _is_varying(stream)}
+    candidates = {name: stream for name, stream in varying.items() if not _is_progressive(stream)}
     return candidates, [name for name in varying if name not in candidates]
 
 
-def screen_file(path: str | os.PathLike[str], contents: FileContents) -> ScreenedStreams:
+def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> ScreenedStreams:
     """Look for the faults of the record in a file, where they stand, to draw them.
 
     Of a file without a periodic input all that varies is shown. Of several realisations or experiments the first is.
@@ -293,7 +293,7 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
             record = value_in(file)
             if not isinstance(record, Record):
                 raise ValueError(f"plot must be of a record, got {path}: {contents.schema} is drawn by nlfrf plot")
-            signals = record_signals(record)
+            signals = _record_signals(record)
             return screen_streams(
                 [one[0].ravel() for _, _, one in signals],
                 [label_with_unit(name, unit, f"unit of {name}") for name, unit, _ in signals],
@@ -305,15 +305,15 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
         names = [*inputs, *[contents.y] * bool(contents.y)]
         if not contents.u:
             varying = {name: file.arrays[name] for name in file.signals if file.arrays[name].squeeze().ndim == 1}
-            moving = {name: x for name, x in varying.items() if is_varying(x) and name not in file.times}
-            names = list(next(iter(group_by_length(moving)), {}))[:MAX_CANDIDATES]
+            moving = {name: x for name, x in varying.items() if _is_varying(x) and name not in file.times}
+            names = list(next(iter(_group_by_length(moving)), {}))[:MAX_CANDIDATES]
         if contents.frf and not contents.u:
             raise ValueError(f"plot must be of a record, got {path}, which holds an FRF: robust model takes it")
         if not names:
             raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
-        lost = find_lost_rows(file.seconds(names[0]), known_rate(file, names[0]))
-        fs = known_rate(file, *names)
+        lost = find_lost_rows(file.seconds(names[0]), _known_rate(file, names[0]))
+        fs = _known_rate(file, *names)
     return screen_streams(
         streams,
         [label_with_unit(UNIT_SUFFIX.sub("", name), file.unit(name), "unit of it") for name in names],
@@ -324,28 +324,28 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
     )
 
 
-def own_contents(file: Channels) -> FileContents:
+def _own_contents(file: Channels) -> _FileContents:
     """Return what a file of this package holds: the channels of a record, anything else in words."""
     content = value_in(file)
-    channels: tuple[Channel, ...] = ()
+    channels: tuple[_Channel, ...] = ()
     if isinstance(content, Record):
         fs = content.fs
         channels = tuple(
-            channel_statistics(name, unit, fs=fs, stream=one) for name, unit, one in record_signals(content)
+            _channel_statistics(name, unit, fs=fs, stream=one) for name, unit, one in _record_signals(content)
         )
-    return FileContents(
+    return _FileContents(
         path=file.path,
         channels=channels,
         notes={},
         u="",
         y="",
         period=0.0,
-        lines=str(content) if isinstance(content, Bla | AxisExperiment) else describe_extent(content),
+        lines=str(content) if isinstance(content, Bla | AxisExperiment) else _describe_extent(content),
         schema=file.text("schema"),
     )
 
 
-def record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
+def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
     """Name, unit and samples of every channel."""
     references = ("r",) if record.is_single else tuple(f"r {name}" for name in record.inputs)
     sides = [
@@ -361,7 +361,7 @@ def record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
     ]
 
 
-def describe_extent(content: Record | Multisine) -> str:
+def _describe_extent(content: Record | Multisine) -> str:
     """Return how much of a signal there is, in words."""
     runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
     periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
@@ -370,24 +370,24 @@ def describe_extent(content: Record | Multisine) -> str:
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
 
 
-def is_varying(stream: np.ndarray) -> bool:
+def _is_varying(stream: np.ndarray) -> bool:
     """Return whether a stream of numbers or truth values moves, and all of it is finite."""
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
-def is_progressive(stream: np.ndarray) -> bool:
+def _is_progressive(stream: np.ndarray) -> bool:
     """Return whether a stream goes one way throughout, or by equal steps but for rare wraps: no signal that repeats.
 
-    >>> [is_progressive(np.array(x)) for x in ([1, 2, 2, 9], [3.0, 1.0, 0.5], [0, 1, 0], np.arange(900) % 256)]
+    >>> [_is_progressive(np.array(x)) for x in ([1, 2, 2, 9], [3.0, 1.0, 0.5], [0, 1, 0], np.arange(900) % 256)]
     [True, True, False, True]
     """
     steps = np.diff(stream.astype(float))
     steps = steps[steps != 0]
     even = np.abs(steps - np.median(steps)) <= 1e-6 * np.abs(np.median(steps))
-    return bool(np.ptp(np.sign(steps)) == 0 or np.mean(even) >= 1 - MAX_UNEVEN_STEPS)
+    return bool(np.ptp(np.sign(steps)) == 0 or np.mean(even) >= 1 - _MAX_UNEVEN_STEPS)
 
 
-def known_rate(file: Channels, *names: str) -> float:
+def _known_rate(file: Channels, *names: str) -> float:
     """Return the sampling frequency of channels [Hz]; nan where the file does not tell it."""
     with warnings.catch_warnings(), suppress(ValueError):
         warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
@@ -395,15 +395,15 @@ def known_rate(file: Channels, *names: str) -> float:
     return np.nan
 
 
-def channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> Channel:
+def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> _Channel:
     """Return a channel by its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
     extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
-    return Channel(name, unit, stream.size, fs, *extremes)
+    return _Channel(name, unit, stream.size, fs, *extremes)
 
 
-def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+def _group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """Return the channels of one length each, as they were sampled together, the longest first.
 
     What is far shorter than the longest is no measurement, but a state, a setting or a temperature noted now and then.
@@ -412,5 +412,5 @@ def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndar
     return [
         {name: stream for name, stream in candidates.items() if stream.size == size}
         for size in sizes
-        if MIN_LENGTH_RATIO * size >= sizes[0]
+        if _MIN_LENGTH_RATIO * size >= sizes[0]
     ]

@@ -18,11 +18,11 @@ from numpy.lib import format as npy
 from nlfrf._base.numbers import iterate_blocks
 from nlfrf._base.own_process import Contents, require_size
 
-LARGE_MEMBER = 1 << 20  # bytes from which it is worth not to read them twice
-HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_LARGE_MEMBER = 1 << 20  # bytes from which it is worth not to read them twice
+_HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
-class Header(NamedTuple):
+class _Header(NamedTuple):
     """What the header of a member says, and how many bytes it has itself."""
 
     shape: tuple[int, ...]
@@ -43,13 +43,13 @@ def contents(path: Path) -> Contents:
     with path.open("rb") as stream, ZipFile(stream) as archive:
         members = archive.infolist()
         require_size(sum(member.file_size for member in members), path.stat().st_size)
-        headers: dict[str, tuple[ZipInfo, Header]] = {}
+        headers: dict[str, tuple[ZipInfo, _Header]] = {}
         for member in members:
             name = member.filename.removesuffix(".npy")
             if name in headers or name in notes:
                 raise ValueError(f"it holds {name!r} twice")
             with archive.open(member) as opened:
-                header = read_header(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
+                header = _read_header(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
             if header is None:
                 notes[name] = "is no array of NumPy"
             elif header.kind.hasobject:
@@ -61,36 +61,36 @@ def contents(path: Path) -> Contents:
             else:
                 headers[name] = member, header
         for name, (member, header) in headers.items():
-            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > LARGE_MEMBER
+            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > _LARGE_MEMBER
             arrays[name] = (
-                map_member(path, archive, member=member, header=header) if plain else read_member(archive, member)
+                _map_member(path, archive, member=member, header=header) if plain else _read_member(archive, member)
             )
     return arrays, {}, {}, notes
 
 
-def read_header(stream: IO[bytes]) -> Header | None:
+def _read_header(stream: IO[bytes]) -> _Header | None:
     """Return the header of a member behind the first bytes of it; None of a version that only tables have."""
     version = tuple(stream.read(2))
-    if version not in HEADER_READERS:
+    if version not in _HEADER_READERS:
         return None
-    shape, by_columns, kind = HEADER_READERS[version](stream)
+    shape, by_columns, kind = _HEADER_READERS[version](stream)
     if min(shape, default=1) < 0:
         raise ValueError(f"a shape must be of whole numbers from zero, got {shape}")
-    return Header(shape, by_columns, kind, stream.tell())
+    return _Header(shape, by_columns, kind, stream.tell())
 
 
-def read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
+def _read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
     """Return an array as NumPy reads it; the archive holds it against its checksum."""
     with archive.open(member) as stream:
         return npy.read_array(stream, allow_pickle=False)
 
 
-def map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: Header) -> np.ndarray:
+def _map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: _Header) -> np.ndarray:
     """Return an array that lies in the file as it is."""
     with archive.open(member) as opened:
         head = opened.read(header.length)
     with path.open("rb") as stream:
-        stream.seek(member_offset(stream, member) + header.length)
+        stream.seek(_member_offset(stream, member) + header.length)
         flat = np.fromfile(stream, header.kind, header.n_numbers)
     check = zlib.crc32(head)
     for some in iterate_blocks(flat.size):
@@ -100,7 +100,7 @@ def map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: Header)
     return flat.reshape(header.shape, order="F" if header.by_columns else "C")
 
 
-def member_offset(stream: IO[bytes], member: ZipInfo) -> int:
+def _member_offset(stream: IO[bytes], member: ZipInfo) -> int:
     """Return where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
     stream.seek(member.header_offset + 26)
     lengths = stream.read(4)

@@ -36,7 +36,7 @@ Path_ = str | os.PathLike[str]
 Seconds = float | Sequence[float] | None
 
 
-def read_measurement(path: str | os.PathLike[str]) -> Channels:
+def _read_measurement(path: str | os.PathLike[str]) -> Channels:
     """Return the channels of a file that may be a record; refuse a result."""
     file = read_channels(path)
     schema = file.text("schema")
@@ -50,16 +50,16 @@ def read_measurement(path: str | os.PathLike[str]) -> Channels:
 # Behind a lost row every sample stands one early. Cut by counting, all later periods are out of place; cut by their
 # times, all periods but the one with the hole are as good as before.
 
-MAX_UNEVENNESS = (
+_MAX_UNEVENNESS = (
     0.25  # of a sample: a step further from a whole number of samples shows a clock that jitters, not a lost row
 )
-WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of samples is none
-MAX_NAMED = 3  # jumps that a message names
-MAX_LOST_SHARE = 0.05  # of the rows: where time jumps at more, its rate varies
+_WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of samples is none
+_MAX_NAMED = 3  # jumps that a message names
+_MAX_LOST_SHARE = 0.05  # of the rows: where time jumps at more, its rate varies
 
 
 @value(in_sentences=True)
-class LostRows:
+class _LostRows:
     """Where the rows of a file stand on an even clock.
 
     Fields
@@ -99,16 +99,16 @@ class LostRows:
         descriptions = [
             f"time jumps by {format_small_count(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
             f"{format_small_count(int(steps[j]) - 1, 'sample')} lost"
-            for j in jumps[:MAX_NAMED]
+            for j in jumps[:_MAX_NAMED]
         ]
-        more = jumps.size - MAX_NAMED
+        more = jumps.size - _MAX_NAMED
         return "; ".join(descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
 
     def describe(self, n_samples: int) -> str:
         """Describe the lost rows, and say which periods are whole.
 
         >>> place = np.delete(np.arange(30), 14)
-        >>> LostRows(place=place, moments=place / 10, fs=10.0).describe(10)
+        >>> _LostRows(place=place, moments=place / 10, fs=10.0).describe(10)
         'time jumps by two samples at 1.4 s: one sample lost; periods 1 and 3 are whole'
         """
         whole = [str(j + 1) for j in self.whole_periods(n_samples)]
@@ -118,7 +118,7 @@ class LostRows:
         return f"{self}; {named} whole"
 
 
-def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
+def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     """Read from a time column which rows are lost; None where none is, or where the column does not show it.
 
     Parameters
@@ -142,21 +142,21 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
         not np.isfinite(steps).all()
         or whole.min() < 1
         or whole.max() == 1
-        or np.count_nonzero(whole > 1) > MAX_LOST_SHARE * steps.size
-        or np.abs(steps - whole).max() > MAX_UNEVENNESS
+        or np.count_nonzero(whole > 1) > _MAX_LOST_SHARE * steps.size
+        or np.abs(steps - whole).max() > _MAX_UNEVENNESS
     ):
         return None
     place = np.concatenate([[0], np.cumsum(whole)])
-    return LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
+    return _LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
 
 
 # ---- Rows of a file that are not those of one record: parts of it, and signals that take turns.
 
-HEAD_ROWS = 64  # rows that show whether signals take turns
-MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
+_HEAD_ROWS = 64  # rows that show whether signals take turns
+_MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 
 
-def arrange_rows(
+def _arrange_rows(
     files: list[Channels],
     channels: Sequence[object],
     *,
@@ -173,7 +173,7 @@ def arrange_rows(
     files, n = map(list, zip(*(unfold_periods(file, names) for file in files), strict=True))
     if options.n_samples is None and n[0]:
         options = options._replace(n_samples=n[0])
-    return cut_windows(files, *windows, name=names[0], fs=fs), options
+    return _cut_windows(files, *windows, name=names[0], fs=fs), options
 
 
 def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]:
@@ -206,7 +206,7 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
     known = {name: file.arrays[name] for name in full if name in file.arrays and file.arrays[name].dtype.kind == "f"}
     if len(known) < 2 or len({array.shape for array in known.values()}) > 1 or next(iter(known.values())).ndim != 1:
         return file
-    if np.logical_and.reduce([np.isfinite(array[:HEAD_ROWS]) for array in known.values()]).any():
+    if np.logical_and.reduce([np.isfinite(array[:_HEAD_ROWS]) for array in known.values()]).any():
         return file
     rows = {name: np.flatnonzero(np.isfinite(array)) for name, array in known.items()}
     n = min(map(np.size, rows.values()))
@@ -225,7 +225,7 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
     return replace(file, arrays={**file.arrays, **merged})
 
 
-def cut_windows(
+def _cut_windows(
     files: Sequence[Channels], start: Seconds, stop: Seconds, *, name: str, fs: float | None
 ) -> list[Channels]:
     """Return the parts of files from each start to its stop, in seconds from the first row; a realisation each."""
@@ -250,7 +250,7 @@ def cut_windows(
     return parts or list(files)
 
 
-def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClock | None:
+def find_rows_off(seconds: np.ndarray | None, fs: float) -> _LostRows | UnevenClock | None:
     """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
     return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
@@ -259,7 +259,7 @@ def find_rows_off(seconds: np.ndarray | None, fs: float) -> LostRows | UnevenClo
 Group: TypeAlias = tuple[str, list[np.ndarray]]
 
 
-def align_rows(
+def _align_rows(
     files: Sequence[Channels], names: Sequence[str], groups: Sequence[Group], *, fs: float | None, options: Cutting
 ) -> tuple[float, Cutting]:
     """Bring the streams of files onto one even clock, in place, and return it [Hz] and how they are to be cut.
@@ -286,10 +286,10 @@ def align_rows(
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
     clock = clocks[0]
-    lost: list[LostRows | None] = []
+    lost: list[_LostRows | None] = []
     for m, file in enumerate(files):
-        rows = find_rows_off(trim_missing(groups, m, file.seconds(names[0])), clock)
-        lost.append(rows if isinstance(rows, LostRows) else None)
+        rows = find_rows_off(_trim_missing(groups, m, file.seconds(names[0])), clock)
+        lost.append(rows if isinstance(rows, _LostRows) else None)
         if not isinstance(rows, UnevenClock):
             continue
         described = f"{Path(file.path).name!r}: {rows.describe()}"
@@ -304,10 +304,10 @@ def align_rows(
             raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
     if not any(lost) or options.resample:  # which looks where the input shows that the periods stand
         return clock, options
-    return clock, keep_whole_periods(lost, groups, fs=clock, options=options, paths=[file.path for file in files])
+    return clock, _keep_whole_periods(lost, groups, fs=clock, options=options, paths=[file.path for file in files])
 
 
-def trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -> np.ndarray | None:
+def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -> np.ndarray | None:
     """Cut the rows off both ends of a file where a channel has no number yet, or none any more; return their times.
 
     None of streams that differ in length from each other, which are refused later, or from the time column.
@@ -331,7 +331,7 @@ def trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) ->
             "a channel has a slower clock than the other its cells stay empty: record both at one, or fill the gaps "
             "and give the arrays to record_from_samples(u, y, fs=...)"
         )
-    if n_cut > MAX_FRAYED_SHARE * held.size:
+    if n_cut > _MAX_FRAYED_SHARE * held.size:
         data_warning(
             f"{n_cut} of {held.size} rows at the ends of the file have no number in every channel; they are left out"
         )
@@ -340,8 +340,8 @@ def trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) ->
     return None if seconds is None else seconds[kept]
 
 
-def keep_whole_periods(
-    lost: Sequence[LostRows | None], groups: Sequence[Group], *, fs: float, options: Cutting, paths: Sequence[str]
+def _keep_whole_periods(
+    lost: Sequence[_LostRows | None], groups: Sequence[Group], *, fs: float, options: Cutting, paths: Sequence[str]
 ) -> Cutting:
     """Leave out of streams, in place, the periods in which rows are lost, and return how what is left is to be cut.
 
@@ -370,7 +370,7 @@ def keep_whole_periods(
         excitation = groups[0][1][0].reshape(-1, groups[0][1][0].shape[-1])[0]
         found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
         n_samples = round(found)
-        if abs(found - n_samples) > WHOLE_TOLERANCE:
+        if abs(found - n_samples) > _WHOLE_TOLERANCE:
             return options  # refused where it is looked for again
     n_samples, n_discard = (
         require_integer("n_samples", n_samples, least=4),
@@ -518,34 +518,34 @@ def load_record(
     True
     >>> folder.cleanup()
     """
-    files = list(map(read_measurement, to_paths(path)))
+    files = list(map(_read_measurement, to_paths(path)))
     if isinstance(design, str | os.PathLike):
         design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     if (start, stop) != (None, None) and any(file.text("schema") for file in files):
         raise ValueError(f"start and stop must be left out for a record that was saved, got {start} and {stop}")
-    if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
+    if not isinstance(u, str) and not isinstance(y, str) and all(map(_holds_several, files)):
         if r:
             raise ValueError(
                 f"r must be left out for a record that has its own references or none, got {short_form(r)}"
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
-    files, options = arrange_rows(files, (u, y, r), options=options, fs=fs, windows=(start, stop))
+    files, options = _arrange_rows(files, (u, y, r), options=options, fs=fs, windows=(start, stop))
     if isinstance(u, list | tuple) and not (len(u) == 1 and isinstance(y, str)):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
-        return load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
-    records = load_outputs(
-        files, *checked_names(u[0] if isinstance(u, list | tuple) else u, y, r), fs=fs, options=options
+        return _load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
+    records = _load_outputs(
+        files, *_checked_names(u[0] if isinstance(u, list | tuple) else u, y, r), fs=fs, options=options
     )
     return records[0] if isinstance(y, str) else records
 
 
-def load_outputs(
+def _load_outputs(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], *, fs: float | None, options: Cutting
 ) -> list[Record]:
     """Return a record for each output of one input, of files that this package wrote or that somebody measured."""
-    if several := next((file.path for file in files if holds_several(file)), None):
+    if several := next((file.path for file in files if _holds_several(file)), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
             "input out"
@@ -553,10 +553,10 @@ def load_outputs(
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
     if any(stored) and not all(stored):
         raise ValueError("path must be records that this package wrote, or none of them, got some of each")
-    return (stored_records if all(stored) else measured_records)(files, names, outputs, fs, options)
+    return (stored_records if all(stored) else _measured_records)(files, names, outputs, fs, options)
 
 
-def checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list[str]]:
+def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list[str]]:
     """Return the names of input and reference, and of the outputs; refuse what is none, or an output given twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
@@ -571,13 +571,13 @@ def checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list
     return {"u": str(u)} | ({} if r is None else {"r": str(r)}), list(outputs)
 
 
-def measured_records(
+def _measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
     """Return a record for each output, of the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
-    fs, options = align_rows(
+    fs, options = _align_rows(
         files,
         (*names.values(), *outputs),
         [(signal, streams[signal]) for signal in sorted(names)] + [("y", group) for group in measured["y"].values()],
@@ -602,7 +602,7 @@ def measured_records(
 # ---- Records of several inputs or outputs from files.
 
 
-def load_channels(
+def _load_channels(
     files: list[Channels],
     *,
     u: Sequence[str],
@@ -617,11 +617,11 @@ def load_channels(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
     signals = {
-        parameter: [stack_channels(parameter, names, file) for file in files]
+        parameter: [_stack_channels(parameter, names, file) for file in files]
         for parameter, names in (("u", u), ("y", y), ("r", r))
         if names
     }
-    fs, cut = align_rows(files, (*u, *y, *r), sorted(signals.items()), fs=fs, options=options)
+    fs, cut = _align_rows(files, (*u, *y, *r), sorted(signals.items()), fs=fs, options=options)
     return record_from_samples(
         signals["u"],
         signals["y"],
@@ -638,12 +638,12 @@ def load_channels(
     )
 
 
-def holds_several(file: Channels) -> bool:
+def _holds_several(file: Channels) -> bool:
     """Return whether a file is a record of several channels, as this package writes it."""
     return file.text("schema") == MULTIRECORD_SCHEMA
 
 
-def stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
+def _stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
     """Return (n_channels, n) channels of one file."""
     if file.text("schema"):
         raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")

@@ -28,11 +28,11 @@ from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
-RESULTS: dict[str, Callable[..., Bla]] = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
+_BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
+RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
 #: Reads and writes the JSON files of `robust`. It is named here, not imported: `robust` stands on this package.
-JSON_FILES = "robust.io.stored"
+_JSON_FILES = "robust.io.stored"
 
 
 def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
@@ -75,7 +75,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     require_kind("bla", bla, Bla)
     require_choice("decimal", decimal, DECIMALS)
     columns = (
-        frm_table(bla, confidence)
+        _frm_table(bla, confidence)
         if not bla.is_single
         else {
             "f [Hz]": bla.f,
@@ -100,7 +100,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     )
 
 
-def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
+def _frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     """Return the table of a matrix, entry by entry."""
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
@@ -169,7 +169,7 @@ def save(
         raise ValueError(f"delay and unit must be left out for anything but a controller, got {delay!r} and {unit!r}")
     match thing:
         case Bla():
-            save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
+            save_value(thing, _BLA_SCHEMA if thing.is_single else _FRM_SCHEMA, path)
         case Record():
             save_record(thing, path, decimal=decimal)
         case AxisExperiment():
@@ -177,7 +177,7 @@ def save(
         case Multisine():
             save_multisine(thing, path, decimal=decimal)
         case _:
-            import_module(JSON_FILES).save_json(thing, path, delay=delay, unit=unit)
+            import_module(_JSON_FILES).save_json(thing, path, delay=delay, unit=unit)
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -211,7 +211,7 @@ def load(path: str | os.PathLike[str]) -> Any:
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
     if to_path(path).suffix.lower() == ".json":
-        return import_module(JSON_FILES).load_json(path)
+        return import_module(_JSON_FILES).load_json(path)
     return load_own(path)
 
 

@@ -29,10 +29,10 @@ from nlfrf.signals.lines import LineGrid
 
 RECORD_SCHEMA = "nlfrf-record"
 MULTIRECORD_SCHEMA = "nlfrf-multirecord"
-LABELS = ("u_name", "y_name", "u_unit", "y_unit")
-CHANNELS = ("inputs", "outputs")
-UNITS = ("input_units", "output_units")
-SEVERAL_AXES = f"channel {AXES_ORDER}"
+_LABELS = ("u_name", "y_name", "u_unit", "y_unit")
+_CHANNELS = ("inputs", "outputs")
+_UNITS = ("input_units", "output_units")
+_SEVERAL_AXES = f"channel {AXES_ORDER}"
 
 
 def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
@@ -40,22 +40,22 @@ def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = 
     path = to_path(path)
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        write_table(path, *record_to_columns(record), decimal=decimal)
+        write_table(path, *_record_to_columns(record), decimal=decimal)
     elif suffix == ".mat":
-        save_mat(path, record_to_arrays(record))
+        save_mat(path, _record_to_arrays(record))
     elif suffix in (".npz", ".h5", ".hdf5"):
-        write_arrays(path, record_to_arrays(record))
+        write_arrays(path, _record_to_arrays(record))
     else:
         raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
 
 
-def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
+def _record_to_arrays(record: Record) -> dict[str, np.ndarray]:
     """Return a record as the named arrays of a file: signals, lines and labels, with schema, version and axes."""
     several = not record.is_single
     content = {
         "schema": np.array(MULTIRECORD_SCHEMA if several else RECORD_SCHEMA),
         "version": np.array(VERSION),
-        "axes": np.array(SEVERAL_AXES if several else AXES_ORDER),
+        "axes": np.array(_SEVERAL_AXES if several else AXES_ORDER),
         "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
         "u": record.u,
         "y": record.y,
@@ -64,9 +64,9 @@ def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
         **{name: getattr(record.lines, name) for name in field_names(LineGrid)},
     }
     if several:
-        content |= {name: np.array(json.dumps(getattr(record, name))) for name in (*CHANNELS, *UNITS)}
+        content |= {name: np.array(json.dumps(getattr(record, name))) for name in (*_CHANNELS, *_UNITS)}
     else:
-        content |= {name: np.array(getattr(record, name)) for name in LABELS}
+        content |= {name: np.array(getattr(record, name)) for name in _LABELS}
     if record.warnings:
         content["warnings"] = np.array(json.dumps(record.warnings))
     if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
@@ -74,7 +74,7 @@ def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
     return content if record.r is None else {**content, "r": record.r}
 
 
-def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
+def _record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
     """Return the samples of a single experiment as columns, time [s] in front, and their names."""
     if record.n_experiments != 1:
         what = "realisation" if record.is_single else "experiment"
@@ -94,7 +94,7 @@ def stored_records(
     """Return a record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
     for output in outputs:
-        runs = [stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files]
+        runs = [_stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files]
         record = runs[0] if len(runs) == 1 else join_records(runs)
         if records:  # the very same input, so that what is known of it need not be found again
             record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
@@ -102,14 +102,14 @@ def stored_records(
     return records
 
 
-def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None, options: Cutting) -> Record:
+def _stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None, options: Cutting) -> Record:
     """Return a record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
     known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by what they were called
     signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
-    periods, (lines, hold, warned) = stored_periods(file, signals, options)
+    periods, (lines, hold, warned) = _stored_periods(file, signals, options)
     if options.design is not None:
         periods.setdefault("r", reconstruct_references(options.design, periods["u"]))
     return Record(
@@ -129,17 +129,17 @@ def stored_multirecord(
     files: list[Channels], u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """Return a record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
-    return join_records([stored_experiments(file, u, y=y, fs=fs, options=options) for file in files])
+    return join_records([_stored_experiments(file, u, y=y, fs=fs, options=options) for file in files])
 
 
-def stored_experiments(
+def _stored_experiments(
     file: Channels, u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """Return the record of several experiments in a file of this package, with the outputs that are asked for."""
-    require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
-    if missing := [name for name in ("u", "y", *CHANNELS) if name not in file.arrays]:
+    require_known_version(file, MULTIRECORD_SCHEMA, _SEVERAL_AXES)
+    if missing := [name for name in ("u", "y", *_CHANNELS) if name not in file.arrays]:
         raise ValueError(f"path must hold a whole record, got one without {', '.join(missing)}")
-    inputs, outputs = (names_from_json(name, file.arrays[name]) for name in CHANNELS)
+    inputs, outputs = (names_from_json(name, file.arrays[name]) for name in _CHANNELS)
     if u is not None and tuple(u) != inputs:
         raise ValueError(
             f"u must be the inputs of the record, {', '.join(inputs)}, all of them, got {short_form(list(u))}"
@@ -148,8 +148,8 @@ def stored_experiments(
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found, (lines, hold, warned) = stored_periods(file, signals, options)
-    units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}
+    found, (lines, hold, warned) = _stored_periods(file, signals, options)
+    units = {name: names_from_json(name, file.arrays[name]) for name in _UNITS if name in file.arrays}
     if y is not None:
         chosen = [outputs.index(name) for name in y]
         found["y"], outputs = found["y"][chosen], tuple(y)
@@ -169,7 +169,7 @@ def stored_experiments(
     )
 
 
-def stored_periods(
+def _stored_periods(
     file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
 ) -> tuple[dict[str, ArrayField], tuple[LineGrid, str, tuple[str, ...]]]:
     """Signals (channels, M, P, N) as they were cut; their lines, hold and warnings: what was asked for goes first."""

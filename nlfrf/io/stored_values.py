@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 #: Values inside a Bla or an experiment; levels of several channels are one an output.
-NESTED_VALUES: dict[str, type[DataclassInstance]] = {
+_NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "lines": LineGrid,
     "experiment": Experiment,
     "cov": Covariances,
     "levels": DistortionLevels,
     "ms": Multisine,
 }
-TEXT_FIELDS = ("inputs", "outputs", "input_units", "output_units", "warnings")
+_TEXT_FIELDS = ("inputs", "outputs", "input_units", "output_units", "warnings")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES_ORDER = "realization period sample"
 
@@ -40,24 +40,24 @@ def save_value(
 ) -> None:
     """Write every field of a value, those of the values inside it by dotted names, tuples of texts as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
-    content |= value_to_arrays(thing, field_names(thing))
+    content |= _value_to_arrays(thing, field_names(thing))
     write_arrays(to_path(path), content, role=role)
 
 
-def value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
+def _value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
     """Return the fields of a value as arrays, those of the values inside it behind its name and a dot."""
     content: dict[str, np.ndarray] = {}
     for name in names:
         part, key = getattr(thing, name), f"{prefix}{name}"
         if part is None:
             continue
-        if name in TEXT_FIELDS:
+        if name in _TEXT_FIELDS:
             content[key] = np.array(json.dumps(part))
-        elif name in NESTED_VALUES and isinstance(part, tuple):
+        elif name in _NESTED_VALUES and isinstance(part, tuple):
             for k, one in enumerate(part):
-                content |= value_to_arrays(one, field_names(one), f"{key}.{k}.")
-        elif name in NESTED_VALUES:
-            content |= value_to_arrays(part, field_names(part), f"{key}.")
+                content |= _value_to_arrays(one, field_names(one), f"{key}.{k}.")
+        elif name in _NESTED_VALUES:
+            content |= _value_to_arrays(part, field_names(part), f"{key}.")
         else:
             content[key] = np.asarray(part)
     return content
@@ -78,43 +78,43 @@ def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) ->
         raise ValueError(describe_wrong_file(file.path, schema or None, *kinds))
     require_known_version(file, schema, AXES_ORDER)
     try:
-        return value_from_arrays(kinds[schema], file.arrays)
+        return _value_from_arrays(kinds[schema], file.arrays)
     except KeyError as missing:
         raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
 
 
-def value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
+def _value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
     """Return a value from its fields as arrays; those that it can do without may be missing."""
     wanted = inspect.signature(kind).parameters
     required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
     return kind(
         **{
-            name: field_from_arrays(name, content, prefix)
+            name: _field_from_arrays(name, content, prefix)
             for name in wanted
             if f"{prefix}{name}" in content or name in required
         }
     )
 
 
-def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:
+def _field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:
     """One field of a value from the arrays of its file."""
     key = f"{prefix}{name}"
-    if name in TEXT_FIELDS:
+    if name in _TEXT_FIELDS:
         return names_from_json(name, content[key])
-    if name not in NESTED_VALUES:
-        return to_scalar(content[key])
-    kind = NESTED_VALUES[name]
+    if name not in _NESTED_VALUES:
+        return _to_scalar(content[key])
+    kind = _NESTED_VALUES[name]
     first = field_names(kind)[0]
     if f"{key}.0.{first}" not in content:
-        return value_from_arrays(kind, content, f"{key}.")
+        return _value_from_arrays(kind, content, f"{key}.")
     several = itertools.takewhile(lambda k: f"{key}.{k}.{first}" in content, itertools.count())
-    return tuple(value_from_arrays(kind, content, f"{key}.{k}.") for k in several)
+    return tuple(_value_from_arrays(kind, content, f"{key}.{k}.") for k in several)
 
 
 def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
     """Names of channels, or warnings, from JSON."""
     try:
-        names = json.loads(str(to_scalar(array)))
+        names = json.loads(str(_to_scalar(array)))
     except (json.JSONDecodeError, RecursionError):
         names = None
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
@@ -122,7 +122,7 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
     return tuple(map(one_line, names))
 
 
-def to_scalar(array: np.ndarray) -> object:
+def _to_scalar(array: np.ndarray) -> object:
     """Return a number or a text from an array without axes, any other array as it is."""
     held = array.item() if array.ndim == 0 else array
     return one_line(held) if isinstance(held, str) else held

@@ -12,11 +12,11 @@ import numpy as np
 from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 
-N_PARTS, PART_ROWS = 64, 64  # parts of a record whose rows show whether the clock wanders, and the rows of each
-DRIFT_ORDER = 3  # of the polynomial by which two quartz clocks may drift against each other
-MAX_WANDER = 0.5  # of a sample: further from it for good, rows are not those of an even clock
-USUAL_STEP = 0.25  # share by which a usual step may be longer or shorter than their median
-MAX_NAMED = 3  # places that a message names
+_N_PARTS, _PART_ROWS = 64, 64  # parts of a record whose rows show whether the clock wanders, and the rows of each
+_DRIFT_ORDER = 3  # of the polynomial by which two quartz clocks may drift against each other
+_MAX_WANDER = 0.5  # of a sample: further from it for good, rows are not those of an even clock
+_USUAL_STEP = 0.25  # share by which a usual step may be longer or shorter than their median
+_MAX_NAMED = 3  # places that a message names
 
 
 @value(in_sentences=True)
@@ -58,8 +58,8 @@ class UnevenClock:
         'the steps of the time column vary from 0.004 to 0.01 s, usually 0.01 s: no even clock from 5.004 s on'
         """
         steps = np.diff(self.seconds)
-        places = ", ".join(f"{self.seconds[row]:.9g}" for row in self.rows[:MAX_NAMED])
-        more = f" and {format_count(self.rows.size - MAX_NAMED, 'place')} more" * (self.rows.size > MAX_NAMED)
+        places = ", ".join(f"{self.seconds[row]:.9g}" for row in self.rows[:_MAX_NAMED])
+        more = f" and {format_count(self.rows.size - _MAX_NAMED, 'place')} more" * (self.rows.size > _MAX_NAMED)
         return (
             f"the steps of the time column vary from {steps.min():.4g} to {steps.max():.4g} s, usually "
             f"{1 / self.fs:.6g} s: no even clock from {places} s{more} on"
@@ -76,22 +76,22 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     fs : float
         Sampling frequency by its mean step [Hz]; 0 or nan where it has none.
     """
-    if seconds is None or seconds.size < N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
+    if seconds is None or seconds.size < _N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
     n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # where times are printed coarsely
-    size = min(n // 2, max(PART_ROWS, 8 * n_equal))
-    starts = np.linspace(0, n - size, N_PARTS).astype(int)
+    size = min(n // 2, max(_PART_ROWS, 8 * n_equal))
+    starts = np.linspace(0, n - size, _N_PARTS).astype(int)
     rows = starts[:, None] + np.arange(size)
     places = (seconds[rows] - seconds[0]) * fs - rows
     middle, scatter = np.median(places, axis=1), float(np.median(np.ptp(places, axis=1)))
-    drift = np.polynomial.Polynomial.fit(starts, middle, DRIFT_ORDER)
+    drift = np.polynomial.Polynomial.fit(starts, middle, _DRIFT_ORDER)
     wander = middle - drift(starts)
-    if np.ptp(wander) <= max(MAX_WANDER, scatter):
+    if np.ptp(wander) <= max(_MAX_WANDER, scatter):
         return None
     steps = np.diff(seconds)
     usual = float(np.median(steps[steps > 0]))
-    usual = float(np.mean(steps[np.abs(steps - usual) < USUAL_STEP * usual]))
-    odd = np.flatnonzero(np.abs(steps - usual) > USUAL_STEP * usual) + 1
+    usual = float(np.mean(steps[np.abs(steps - usual) < _USUAL_STEP * usual]))
+    odd = np.flatnonzero(np.abs(steps - usual) > _USUAL_STEP * usual) + 1
     odd = odd[np.diff(odd, prepend=-1) > 1] if odd.size else starts[[np.argmax(np.abs(np.diff(wander)))]]
     return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=odd)

@@ -27,8 +27,8 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, OVER_100, crop_rounding
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BAND_ALPHA = 0.25  # of bounds that lie over one another
-LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
+_BAND_ALPHA = 0.25  # of bounds that lie over one another
+_LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -42,7 +42,7 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    require_single(bla)
+    _require_single(bla)
     ax = axes_or_new(ax)
     known = bla.G != 0  # an even system leaves excited lines empty
     U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
@@ -66,12 +66,12 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     )
     if np.isfinite(bla.var_noise).all():
         ax.plot(bla.f, to_decibel(np.sqrt(bla.var_noise)), "--", lw=1, color=COLOR["noise"], label="std of G, noise")
-    draw_magnitude(ax, bla, confidence)
-    ax.set(xscale="log", xlabel="frequency [Hz]", title=describe_measurement(bla))
+    _draw_magnitude(ax, bla, confidence)
+    ax.set(xscale="log", xlabel="frequency [Hz]", title=_describe_measurement(bla))
     return finish_axes(crop_rounding(ax, np.abs(bla.G)))
 
 
-def draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
+def _draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
     """Draw |G| with its bound as a band around it, and label the axis."""
     size, radius = np.abs(bla.G), bla.bound(confidence)
     label = f"{100 * confidence:g} % bound"
@@ -92,10 +92,10 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
-    require_single(bla)
+    _require_single(bla)
     top, bottom = bode_axes(ax)
-    draw_magnitude(top, bla, confidence)
-    top.set(xscale="log", title=describe_measurement(bla))
+    _draw_magnitude(top, bla, confidence)
+    top.set(xscale="log", title=_describe_measurement(bla))
     plot_phase(bla, confidence=confidence, ax=bottom)
     join_labels(bottom, top)
     finish_axes(top)
@@ -104,7 +104,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
     """Draw the unwrapped phase of the BLA in degrees, with its bound as a band; arguments as in `plot_bla`."""
-    require_single(bla)
+    _require_single(bla)
     ax = axes_or_new(ax)
     phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
     ax.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0)
@@ -113,12 +113,12 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
     return finish_axes(ax)
 
 
-def phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
+def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return (F,) unwrapped phase [deg] from the surest line of the lowest third, there -270 to 90 deg as of a lag.
 
     A first line without a phase would turn all others by whole turns.
 
-    >>> phase_from_surest(np.exp(1j * np.radians([100.0, -170.0, -190.0])), np.array([2.0, 0.1, 0.1]))
+    >>> _phase_from_surest(np.exp(1j * np.radians([100.0, -170.0, -190.0])), np.array([2.0, 0.1, 0.1]))
     array([-260., -170., -190.])
     """
     relative = radius / np.abs(G)
@@ -147,11 +147,11 @@ def plot_blas(
     if not isinstance(blas, list | tuple) or not blas:
         raise ValueError(f"blas must be a list of at least one Bla, got {short_form(blas)}")
     for bla in blas:
-        require_single(bla)
+        _require_single(bla)
     if not isinstance(labels, list | tuple) or len(labels) != len(blas):
         raise ValueError(f"labels must be a list of {len(blas)}, one a Bla, got {short_form(labels)}")
     top, bottom = bode_axes(ax)
-    styles = cycle((color, line) for line in LINES for color in COLOR_CYCLE)
+    styles = cycle((color, line) for line in _LINES for color in COLOR_CYCLE)
     for bla, label, (color, line) in zip(blas, labels, styles, strict=False):
         size, radius = np.abs(bla.G), bla.bound(confidence)
         top.fill_between(
@@ -159,15 +159,15 @@ def plot_blas(
             to_decibel(lower_edge(size, size - radius)),
             to_decibel(size + radius),
             color=color,
-            alpha=BAND_ALPHA,
+            alpha=_BAND_ALPHA,
             lw=0,
         )
-        phase, wide = phase_from_surest(bla.G, radius), phase_band(bla.G, radius)
-        bottom.fill_between(bla.f, phase - wide, phase + wide, color=color, alpha=BAND_ALPHA, lw=0)
+        phase, wide = _phase_from_surest(bla.G, radius), phase_band(bla.G, radius)
+        bottom.fill_between(bla.f, phase - wide, phase + wide, color=color, alpha=_BAND_ALPHA, lw=0)
         top.plot(bla.f, to_decibel(size), line, ms=3, lw=1.2, color=color)
         bottom.plot(bla.f, phase, line, ms=3, lw=1.2, color=color, label=label)
     bottom.fill_between(
-        [], [], [], color=COLOR["noise"], alpha=BAND_ALPHA, label=f"{100 * confidence:g} % bound of each"
+        [], [], [], color=COLOR["noise"], alpha=_BAND_ALPHA, label=f"{100 * confidence:g} % bound of each"
     )
     follow_lines(top)
     top.set(
@@ -180,7 +180,7 @@ def plot_blas(
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Draw the output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
-    require_single(bla)
+    _require_single(bla)
     ax = axes_or_new(ax)
     levels = bla.levels
     for kind, marker in MARKER.items():
@@ -233,13 +233,13 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def describe_measurement(bla: Bla) -> str:
+def _describe_measurement(bla: Bla) -> str:
     """Describe grid, realisations, periods and source of the level in one line."""
     made = bla.experiment
     return f"{made.grid} grid, M = {made.n_realizations}, P = {made.n_periods}, level from {bla.level_source}"
 
 
-def require_single(bla: Bla) -> None:
+def _require_single(bla: Bla) -> None:
     """Refuse what is no `Bla` of one input and one output."""
     require_kind("bla", bla, Bla)
     if not bla.is_single:

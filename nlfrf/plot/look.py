@@ -17,17 +17,17 @@ COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
 MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
 ROUNDING_DB = 120.0  # dB under the input; what lies lower is of no interest
 OVER_100 = "bound over 100 %: G may be 0"  # of a band without a lower edge
-MAX_DEPTH_DB = 160.0  # dB under the output, or the FRF; the same
+_MAX_DEPTH_DB = 160.0  # dB under the output, or the FRF; the same
 
 
 def crop_rounding(ax: Axes, amplitude: np.ndarray) -> Axes:
     """Crop the axis above rounding, far under the largest amplitude, and note the curves that fall below."""
-    bottom = float(to_decibel(amplitude.max())) - MAX_DEPTH_DB
+    bottom = float(to_decibel(amplitude.max())) - _MAX_DEPTH_DB
     if ax.get_ylim()[0] < bottom:
         ax.set_ylim(bottom=bottom)
         unseen = [line for line in ax.get_lines() if np.all(np.nan_to_num(line.get_ydata(), nan=-np.inf) < bottom)]
         if unseen:
-            add_note(ax, f"{'; '.join(str(line.get_label()) for line in unseen)}: more than {MAX_DEPTH_DB:g} dB lower")
+            add_note(ax, f"{'; '.join(str(line.get_label()) for line in unseen)}: more than {_MAX_DEPTH_DB:g} dB lower")
         for line in unseen:
             line.set_label(None)
     return ax

@@ -15,9 +15,9 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEGEND_DB = 12.0  # dB above and below the curves
-MAX_MARKED_LINES = 300  # lines that are drawn as points too
-LINE_STYLES = ("-", "--", "-.", ":")
+_LEGEND_DB = 12.0  # dB above and below the curves
+_MAX_MARKED_LINES = 300  # lines that are drawn as points too
+_LINE_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
@@ -37,18 +37,18 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     (n_y, n_u) ndarray of matplotlib Axes
     """
     require_kind("frm", frm, Bla)
-    made, foot = entry_axes(ax, frm, "[dB]")
-    size, radius = np.abs(frm.matrix), expand_entries(frm, frm.bound(confidence))
+    made, foot = _entry_axes(ax, frm, "[dB]")
+    size, radius = np.abs(frm.matrix), _expand_entries(frm, frm.bound(confidence))
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
-        floor, ceiling = smallest_nonzero(size[j]) - LEGEND_DB / 2, float(to_decibel(size[j].max())) + LEGEND_DB / 2
+        floor, ceiling = _smallest_nonzero(size[j]) - _LEGEND_DB / 2, float(to_decibel(size[j].max())) + _LEGEND_DB / 2
         for i, entry in enumerate(made[j]):
             gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
             gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER_100)
             entry.plot(
                 frm.f,
                 to_decibel(size[j, i]),
-                ".-" if frm.f.size <= MAX_MARKED_LINES else "-",
+                ".-" if frm.f.size <= _MAX_MARKED_LINES else "-",
                 ms=2,
                 lw=1.0,
                 color=COLOR["excited"],
@@ -65,9 +65,9 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
     entry is larger.
     """
     require_kind("frm", frm, Bla)
-    made, foot = entry_axes(ax, frm, "[dB]")
+    made, foot = _entry_axes(ax, frm, "[dB]")
     left, right = frm.block(confidence)
-    bound = expand_entries(frm, frm.bound(confidence))
+    bound = _expand_entries(frm, frm.bound(confidence))
     matrix_radius = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
         np.einsum("kif,kif->if", right, right.conj()).real
     )
@@ -75,8 +75,8 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
         (np.abs(frm.matrix), "|G|", "-", COLOR["excited"], 1.6),
         (matrix_radius, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
         (bound, f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
-        (expand_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
-        (expand_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
+        (_expand_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
+        (_expand_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
     )
     for (j, i), one in np.ndenumerate(made):
         for curve, label, style, color, width in curves:
@@ -102,7 +102,7 @@ def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla",
     ax = axes_or_new(ax)
     sigma, low, high = singular_values(frm, confidence, of=of)
     for i, gain in enumerate(sigma):
-        color, style = COLOR_CYCLE[i % len(COLOR_CYCLE)], LINE_STYLES[i % len(LINE_STYLES)]
+        color, style = COLOR_CYCLE[i % len(COLOR_CYCLE)], _LINE_STYLES[i % len(_LINE_STYLES)]
         gain_band(
             ax, frm.f, gain, low[i], high[i], color=color, alpha=0.2, label="_band", over="the matrix may be singular"
         )
@@ -112,7 +112,7 @@ def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla",
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(smallest_nonzero(sigma) - LEGEND_DB / 2, float(to_decibel(sigma.max())) + LEGEND_DB / 2),
+        ylim=(_smallest_nonzero(sigma) - _LEGEND_DB / 2, float(to_decibel(sigma.max())) + _LEGEND_DB / 2),
         title="Gain in the strongest and in the weakest direction",
     )
     return finish_axes(ax)
@@ -124,7 +124,7 @@ def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     Arguments and result as in `plot_frm`; the bound is that of `rga_radius`.
     """
     require_kind("frm", frm, Bla)
-    made, foot = entry_axes(ax, frm, "")
+    made, foot = _entry_axes(ax, frm, "")
     size, radius = np.abs(rga(frm.matrix)), rga_radius(frm, confidence)
     top = 1.15 * max(float(np.quantile(size + radius, 0.99)), 1.2)
     for (j, i), one in np.ndenumerate(made):
@@ -137,16 +137,16 @@ def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
+def _entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
     """Create a matrix of axes with the names of the channels."""
     return matrix_axes(ax, [f"{name}  {up}".strip() for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 
 
-def expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
+def _expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
     """Return a curve of every entry as (n_y, n_u, F), also for one input and output."""
     return curve.reshape(frm.matrix.shape)
 
 
-def smallest_nonzero(sizes: np.ndarray) -> float:
+def _smallest_nonzero(sizes: np.ndarray) -> float:
     """Return the smallest size that is not zero [dB]."""
     return float(to_decibel(np.min(sizes, initial=np.inf, where=sizes > 0)))

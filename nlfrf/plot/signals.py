@@ -19,18 +19,18 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
-INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
+_MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
+_INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
 #: Of what makes a span of samples no period, or not one like the others.
-FAULT_COLORS = {
+_FAULT_COLORS = {
     Fault.SILENCE: COLOR["noise"],
     Fault.REST: COLOR["even"],
     Fault.LOST: COLOR["odd"],
     Fault.DIFFERENT: "#E69F00",
 }
-MAX_NAMED = 3  # spans of one kind that the legend names
-MAX_PERIODS = 200  # periods whose beginning is marked
-LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
+_MAX_NAMED = 3  # spans of one kind that the legend names
+_MAX_PERIODS = 200  # periods whose beginning is marked
+_LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
@@ -39,7 +39,7 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     t = np.arange(ms.n_samples) / ms.fs
     if not ms.is_single:
-        for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(INPUT_COLORS))):
+        for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(_INPUT_COLORS))):
             label = f"u{i + 1}: rms {ms.rms[i]:.3g}, crest factor {ms.crest_factor[i, 0]:.2f}"
             ax.plot(t, u, "-", lw=0.6, color=color, label=label)
         several = f", the first of {ms.n_experiments} experiments" * (ms.n_experiments > 1)
@@ -59,9 +59,9 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
-    shown = min(last, first + MAX_HARMONICS)
+    shown = min(last, first + _MAX_HARMONICS)
     mine = ms.lines.excited <= shown
-    amplitudes = labelled_amplitudes(ms)
+    amplitudes = _labelled_amplitudes(ms)
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
     same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
     more = f"; it goes on{same} up to {last}" if shown < last else ""
@@ -109,14 +109,14 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     t = dt * np.arange(screened.samples.shape[1])
     for one, x, outliers in zip(made[:, 0], screened.samples, screened.outliers, strict=True):
         one.plot(t, x, "-", lw=0.6, color=COLOR["excited"], rasterized=True)
-        for fault, color in FAULT_COLORS.items():
+        for fault, color in _FAULT_COLORS.items():
             spans = [span for span in screened.spans if span.fault is fault]
-            extents = [span.extent for span in spans[:MAX_NAMED]] + ["..."] * (len(spans) > MAX_NAMED)
+            extents = [span.extent for span in spans[:_MAX_NAMED]] + ["..."] * (len(spans) > _MAX_NAMED)
             for span in spans:
                 one.axvspan(dt * span.first, dt * span.end, color=color, alpha=0.35, lw=1)
             if spans:
                 one.fill_between([], [], [], color=color, alpha=0.35, label=f"{fault.value}: {', '.join(extents)}")
-        for start in dt * screened.starts[:MAX_PERIODS]:
+        for start in dt * screened.starts[:_MAX_PERIODS]:
             one.axvline(start, color=COLOR["noise"], lw=0.8, ls="--")
         if screened.starts.size:
             one.plot([], [], "--", lw=0.8, color=COLOR["noise"], label="a period begins")
@@ -129,13 +129,15 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     return finish_matrix(made, foot, "time [s]" if known else "sample")
 
 
-def labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, float]]:
+def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, float]]:
     """Return amplitudes (F,) by label, each with a colour and an offset from the line: one for each input."""
     if ms.is_single:
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
     sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which differ by the mixing
-    offset = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
-    return {f"u{i + 1}": (sizes[i], INPUT_COLORS[i % len(INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)}
+    offset = _LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
+    return {
+        f"u{i + 1}": (sizes[i], _INPUT_COLORS[i % len(_INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)
+    }
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:

@@ -15,12 +15,12 @@ from nlfrf._base.numbers import has_equal_periods
 from nlfrf.records.excited_lines import SIGNIFICANCE, line_powers, lines_from_powers
 from nlfrf.signals.lines import LineGrid, detection_lines
 
-EVEN, MIN_UNEVEN = 0.5, 1.0  # dB: standard deviation of lines of one level at most, and of others at least
-MIN_SPREAD_RATIO = 6.0  # of others to that of lines of one level
-MAX_DIRT_RATIO = 0.1  # of what stands between the lines of the other signal: of one that was played
-EMPTY, FULL = 1e-6, 0.5  # of the power of the lines beside it: a detection line without power, and one like any other
-MIN_LINES = 6  # below which lines are even, or those between them empty, by chance
-MIN_ODD_LINES = 12  # lines that are odd by chance in one of 4096 signals
+_EVEN, _MIN_UNEVEN = 0.5, 1.0  # dB: standard deviation of lines of one level at most, and of others at least
+_MIN_SPREAD_RATIO = 6.0  # of others to that of lines of one level
+_MAX_DIRT_RATIO = 0.1  # of what stands between the lines of the other signal: of one that was played
+_EMPTY, _FULL = 1e-6, 0.5  # of the power of the lines beside it: a detection line without power, and one like any other
+_MIN_LINES = 6  # below which lines are even, or those between them empty, by chance
+_MIN_ODD_LINES = 12  # lines that are odd by chance in one of 4096 signals
 
 
 class SignalLines(NamedTuple):
@@ -40,7 +40,7 @@ class SignalLines(NamedTuple):
     def emptiness(self, excited: np.ndarray) -> float:
         """Return how large the detection lines of a grid are over the lines beside them, in the median; nan of few."""
         detection = detection_lines(excited) if excited.size else excited
-        if detection.size < MIN_LINES:
+        if detection.size < _MIN_LINES:
             return np.nan
         level = np.log(np.maximum(self.power[excited - 1], 1e-300))
         return float(np.median(self.power[detection - 1] / np.exp(np.interp(detection, excited, level))))
@@ -48,14 +48,14 @@ class SignalLines(NamedTuple):
     @property
     def is_clean(self) -> bool:
         """Whether nothing speaks against it as what was played: its lines are of one level, and those between empty."""
-        return bool(self.spread < MIN_UNEVEN and not self.emptiness(self.grid.excited) > EMPTY)
+        return bool(self.spread < _MIN_UNEVEN and not self.emptiness(self.grid.excited) > _EMPTY)
 
     @property
     def is_one_period(self) -> bool:
         """Whether it is one period of an odd multisine: lines enough, all of them odd, and with no common divisor."""
         excited = self.grid.excited
-        odd = excited.size >= MIN_ODD_LINES and np.all(excited % 2) and np.gcd.reduce(excited) == 1
-        return bool(odd and self.emptiness(excited) < MAX_DIRT_RATIO)
+        odd = excited.size >= _MIN_ODD_LINES and np.all(excited % 2) and np.gcd.reduce(excited) == 1
+        return bool(odd and self.emptiness(excited) < _MAX_DIRT_RATIO)
 
 
 def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
@@ -73,7 +73,7 @@ def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
     quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
     noise = noise + quantum**2 * periods.shape[-1] / 12
     excited = grid.excited - 1
-    if excited.size < MIN_LINES:
+    if excited.size < _MIN_LINES:
         return SignalLines(power, noise, grid, np.inf, np.inf, is_exact)
     spread = float(np.std(10 * np.log10(np.maximum(power[excited], 1e-300))))
     dirt = float(1 - power[excited].sum() / power[: excited[-1] + 1].sum())
@@ -90,7 +90,7 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
     if played.power.size != other.power.size:
         return ""
     clean, full = played.emptiness(excited), other.emptiness(excited)
-    if not (EMPTY < full < FULL and clean < MAX_DIRT_RATIO * full):
+    if not (_EMPTY < full < _FULL and clean < _MAX_DIRT_RATIO * full):
         return ""
     detection = detection_lines(excited) - 1
     if other.power[detection].mean() <= SIGNIFICANCE * other.noise[detection].mean():
@@ -102,7 +102,7 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
 
 def compare_levels(played: SignalLines, other: SignalLines) -> bool:
     """Return whether the lines of one signal are of one level and those of the other are not."""
-    return played.spread < EVEN and other.spread > max(MIN_UNEVEN, MIN_SPREAD_RATIO * played.spread)
+    return played.spread < _EVEN and other.spread > max(_MIN_UNEVEN, _MIN_SPREAD_RATIO * played.spread)
 
 
 def describe_played(played: SignalLines | None, other: SignalLines | None) -> str:
@@ -112,6 +112,6 @@ def describe_played(played: SignalLines | None, other: SignalLines | None) -> st
     """
     if played is None:
         return ""
-    if other is None or (compare_levels(played, other) and played.dirt < MAX_DIRT_RATIO * other.dirt):
-        return f"its lines are even to {played.spread:.2g} dB" if played.spread < EVEN else ""
+    if other is None or (compare_levels(played, other) and played.dirt < _MAX_DIRT_RATIO * other.dirt):
+        return f"its lines are even to {played.spread:.2g} dB" if played.spread < _EVEN else ""
     return f"its detection lines are empty, {found}" if (found := compare_detection_lines(played, other)) else ""

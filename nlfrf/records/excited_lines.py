@@ -20,16 +20,16 @@ from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 # a designed spectrum is smooth. So lines that lie in step (every line, every odd one, 4k+1, 8k+1 with 8k+3) and are
 # smooth were played, and those that jump were not.
 
-ROUGH_LEVEL = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
-ACTUATOR_DROP = 6.0  # how far distortion stands under the lines beside it at least [dB]
-MIN_SHARE = 0.75  # of the power that the lines played must hold
-EDGE_LINES = 8  # lines in step that are looked at on either side of the end of the band
-EXTENSION_LINES = 4 * EDGE_LINES  # lines beyond it
-MAX_SHARE = 0.95  # of the lines in step that must stand out of the noise
-MIN_LINES = 12  # lines from which smooth is told from jumpy
+_ROUGH_LEVEL = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
+_ACTUATOR_DROP = 6.0  # how far distortion stands under the lines beside it at least [dB]
+_MIN_SHARE = 0.75  # of the power that the lines played must hold
+_EDGE_LINES = 8  # lines in step that are looked at on either side of the end of the band
+_EXTENSION_LINES = 4 * _EDGE_LINES  # lines beyond it
+_MAX_SHARE = 0.95  # of the lines in step that must stand out of the noise
+_MIN_LINES = 12  # lines from which smooth is told from jumpy
 
 
-def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
+def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
     """Return the lines found, or those of them that were played where the others are the actuator's distortion.
 
     Parameters
@@ -42,89 +42,93 @@ def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) ->
         Power of all lines.
     """
     level = 10 * np.log10(np.maximum(power, 1e-300))
-    for pattern in regular_grids(level, found):
-        if pattern.size < MIN_LINES:
+    for pattern in _regular_grids(level, found):
+        if pattern.size < _MIN_LINES:
             continue
-        first, last = smooth_band(level[pattern - 1])
+        first, last = _smooth_band(level[pattern - 1])
         played = pattern[first:last]
         if (
-            played.size < MIN_LINES
-            or power[played - 1].sum() < MIN_SHARE * total
-            or level_roughness(level[played - 1]) > ROUGH_LEVEL
+            played.size < _MIN_LINES
+            or power[played - 1].sum() < _MIN_SHARE * total
+            or _level_roughness(level[played - 1]) > _ROUGH_LEVEL
         ):
             continue
-        if np.isin(played, found, assume_unique=True).mean() < MAX_SHARE or recognise_kind(played) == "custom":
+        if np.isin(played, found, assume_unique=True).mean() < _MAX_SHARE or recognise_kind(played) == "custom":
             continue
         others = np.setdiff1d(np.arange(played[0], played[-1]), played, assume_unique=True)
         above = np.arange(
-            played[-1] + 1, min(level.size, played[-1] + EXTENSION_LINES) + 1
+            played[-1] + 1, min(level.size, played[-1] + _EXTENSION_LINES) + 1
         )  # the band, or what is there
-        if stands_out(level, played, others) and stands_out(level, played, above):
+        if _stands_out(level, played, others) and _stands_out(level, played, above):
             return played
     return found
 
 
-def regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
+def _regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
     """Return the lines in step with a regular grid, from the first to the last one found; the sparse grids first."""
     inside = np.arange(found[0], found[-1] + 1)
     special = [inside[np.isin((inside - shift) % 8, (1, 3))] for shift in (0, 2, 4, 6)]
     sparse = [inside[inside % 4 == k] for k in (1, 3)]
     odd = inside[inside % 2 == 1]
     top = sliding_window_view(np.pad(level[odd - 1], 4, mode="edge"), 9).max(axis=1)
-    return [*special, *sparse, odd, odd[level[odd - 1] > top - ACTUATOR_DROP - 2.0], inside]
+    return [*special, *sparse, odd, odd[level[odd - 1] > top - _ACTUATOR_DROP - 2.0], inside]
 
 
-def level_roughness(level: np.ndarray) -> float:
+def _level_roughness(level: np.ndarray) -> float:
     """Return how far a level jumps from line to line, in the median [dB]."""
     return float(np.median(np.abs(np.diff(level)))) if level.size > 1 else 0.0
 
 
-def smooth_band(level: np.ndarray) -> tuple[int, int]:
+def _smooth_band(level: np.ndarray) -> tuple[int, int]:
     """Return where the smooth stretch of a level begins and ends: its strongest line, and all that is joined to it."""
     strongest = int(np.argmax(np.convolve(level, np.ones(5) / 5, "same")[2:-2])) + 2
-    last = band_edge(level[strongest:]) + strongest
-    first = strongest + 1 - band_edge(level[strongest::-1])
+    last = _band_edge(level[strongest:]) + strongest
+    first = strongest + 1 - _band_edge(level[strongest::-1])
     return first, last
 
 
-def band_edge(level: np.ndarray) -> int:
+def _band_edge(level: np.ndarray) -> int:
     """How many lines belong to the stretch that the first one begins: up to a fall after which the level jumps."""
     highest = np.full(level.size, -np.inf)  # of the lines before each
-    for back in range(1, min(EDGE_LINES, level.size - 1) + 1):
+    for back in range(1, min(_EDGE_LINES, level.size - 1) + 1):
         np.maximum(highest[back:], level[:-back], out=highest[back:])
-    for k in (np.flatnonzero(level[1:] <= highest[1:] - ACTUATOR_DROP) + 1).tolist():
-        before, after = level[max(0, k - EDGE_LINES) : k], level[k : k + EDGE_LINES]
-        if max(level[k], float(np.median(after))) > np.median(before) - ACTUATOR_DROP:
+    for k in (np.flatnonzero(level[1:] <= highest[1:] - _ACTUATOR_DROP) + 1).tolist():
+        before, after = level[max(0, k - _EDGE_LINES) : k], level[k : k + _EDGE_LINES]
+        if max(level[k], float(np.median(after))) > np.median(before) - _ACTUATOR_DROP:
             continue
-        if after.size < 4 or level_roughness(after) > 0.6 * ROUGH_LEVEL or after.max() < before.min() - ACTUATOR_DROP:
+        if (
+            after.size < 4
+            or _level_roughness(after) > 0.6 * _ROUGH_LEVEL
+            or after.max() < before.min() - _ACTUATOR_DROP
+        ):
             return k
     return level.size
 
 
-def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
+def _stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
     """Return whether other lines stand clearly under the nearest played ones, nearly all of them."""
     if others.size == 0:
         return True
     nearest = played[np.clip(np.searchsorted(played, others), 0, played.size - 1)]
     under = level[nearest - 1] - level[others - 1]
     return bool(
-        np.median(under) > 2 * ACTUATOR_DROP
-        or (np.median(under) > ACTUATOR_DROP and level_roughness(level[others - 1]) > ROUGH_LEVEL)
+        np.median(under) > 2 * _ACTUATOR_DROP
+        or (np.median(under) > _ACTUATOR_DROP and _level_roughness(level[others - 1]) > _ROUGH_LEVEL)
     )
 
 
 def grid_level_jump(power: np.ndarray, grid: LineGrid) -> float:
     """How far the level of a grid found in the powers (K,) of the lines 1 to K jumps [dB]; 0 where it is smooth."""
-    if grid.excited.size < MIN_LINES:
+    if grid.excited.size < _MIN_LINES:
         return 0.0
-    jump = level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
-    return jump if jump > ROUGH_LEVEL else 0.0
+    jump = _level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
+    return jump if jump > _ROUGH_LEVEL else 0.0
 
 
-MAX_STEP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
-ENVELOPE_DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
-MIN_CARRIED_SHARE = 0.5  # share of the input's power that its lines carry at least
-NEGLIGIBLE_POWER = 1e-4  # power under the median of all lines from which a line is looked at again
+_MAX_STEP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
+_ENVELOPE_DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
+_MIN_CARRIED_SHARE = 0.5  # share of the input's power that its lines carry at least
+_NEGLIGIBLE_POWER = 1e-4  # power under the median of all lines from which a line is looked at again
 SIGNIFICANCE = 20.0  # power over the variance by noise that an excited line needs at least
 
 
@@ -149,16 +153,16 @@ def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     n_periods = u.shape[1]
     inside = slice(1, (u.shape[2] + 1) // 2)
     if u.shape[2] > BLOCK_ENTRIES and n_periods > 1:
-        pairs = [line_powers_of_halves(one) for one in u]
+        pairs = [_line_powers_of_halves(one) for one in u]
         power, noise = (np.add.reduce(some)[inside] / len(pairs) for some in zip(*pairs, strict=True))
     else:
         spectrum = rfft(u)[..., inside]
         power = mean_power(spectrum.mean(axis=1))
         noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods if n_periods > 1 else power
-    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, white_noise_level(power))
+    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, _white_noise_level(power))
 
 
-def line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return `line_powers` of long periods u (P, N), by the means of every other one: two transforms in all."""
     n = len(u)
     if all(streams_equal(u[0], one) for one in u[1:]):
@@ -180,10 +184,12 @@ def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     if not lines.size:
         raise ValueError("u must hold lines that stand out of its noise, got none; is n_samples its period?")
     level = 10 * np.log10(np.maximum(power[lines - 1], 1e-300))
-    near = level > upper_envelope(level, lines) - MAX_STEP
-    excited = connected_lines(level[near], lines[near])
-    excited = complete_grid(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
-    return LineGrid(excited=excited_lines_on_grid(power[: excited[-1] + EXTENSION_LINES], excited, float(power.sum())))
+    near = level > _upper_envelope(level, lines) - _MAX_STEP
+    excited = _connected_lines(level[near], lines[near])
+    excited = _complete_grid(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
+    return LineGrid(
+        excited=_excited_lines_on_grid(power[: excited[-1] + _EXTENSION_LINES], excited, float(power.sum()))
+    )
 
 
 def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
@@ -203,11 +209,11 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
     carried = power.sum() / 2
     last = u[:, -1]  # one period is enough, and the last one is settled
     total = float(np.add.reduce(np.vecdot(last, last))) / last.size
-    if power.min() >= NEGLIGIBLE_POWER * power.max() and carried > MIN_CARRIED_SHARE * total:
+    if power.min() >= _NEGLIGIBLE_POWER * power.max() and carried > _MIN_CARRIED_SHARE * total:
         return  # even with its mean
     total -= float(np.mean(last.mean(axis=1) ** 2))
-    weak = power < NEGLIGIBLE_POWER * np.median(power)
-    if not weak.any() and carried > MIN_CARRIED_SHARE * total:
+    weak = power < _NEGLIGIBLE_POWER * np.median(power)
+    if not weak.any() and carried > _MIN_CARRIED_SHARE * total:
         return
     try:
         found = detect_lines(u).excited
@@ -215,7 +221,7 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
         return
     missed = np.setdiff1d(lines, found, assume_unique=True)
     more = np.setdiff1d(found, lines, assume_unique=True)
-    elsewhere = carried < MIN_CARRIED_SHARE * total and more.size > 0
+    elsewhere = carried < _MIN_CARRIED_SHARE * total and more.size > 0
     if missed.size and (elsewhere or np.isin(lines[weak], missed).any()):
         listing = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
         raise ValueError(
@@ -224,7 +230,7 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
         )
 
 
-def complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
+def _complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Return the regular grid of which at most a tenth is missing, where the missing lines do carry input.
 
     Lines in a narrow notch of the amplitude spectrum, or near the noise, are found by their place in the grid.
@@ -240,7 +246,7 @@ def complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
     return excited
 
 
-def white_noise_level(power: np.ndarray) -> float:
+def _white_noise_level(power: np.ndarray) -> float:
     """Return the level of white noise in the power of a single period; zero where no part of it looks like noise.
 
     The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean, and it
@@ -253,15 +259,15 @@ def white_noise_level(power: np.ndarray) -> float:
     return min(floors, default=0.0)
 
 
-def upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Upper envelope of the levels of some lines that falls by at most DECAY a line on either side of a peak."""
-    ramp = ENVELOPE_DECAY * lines
+    ramp = _ENVELOPE_DECAY * lines
     forward = np.maximum.accumulate(level + ramp) - ramp
     backward = np.maximum.accumulate((level - ramp)[::-1])[::-1] + ramp
     return np.maximum(forward, backward)
 
 
-def connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the lines reached from the strongest one without the level falling by more than MAX_STEP at a line.
 
     This ends the band where only harmonics and distortion of the input follow, at whatever level.
@@ -272,7 +278,7 @@ def connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
         step = -1 if side.start is None else 1
         previous = last = level[strongest]
         for k, here in zip(lines[side][::step].tolist(), level[side][::step].tolist(), strict=True):
-            if here > max(previous, last) - MAX_STEP:
+            if here > max(previous, last) - _MAX_STEP:
                 kept.append(k)
                 previous, last = last, here
     return np.sort(np.array(kept))

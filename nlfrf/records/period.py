@@ -14,16 +14,16 @@ from nlfrf.records.screening.decimation import decimate, smooth_step
 from nlfrf.records.screening.input import track_input
 
 LONG_SIGNAL = 1 << 17  # samples that a whole autocorrelation may take
-FIRST_SAMPLES = 256  # samples that are looked for to the last bit
-MAX_LAGS = 1000  # places that begin like the head, before an exact repeat is given up
-TEMPLATE_SAMPLES = 1 << 14  # samples at one end of a record that are looked for elsewhere
-CORRELATION_DROP = 0.05  # how much less like itself a signal may be there than over all of it
-MAX_CANDIDATES = 64  # lags that are held against all of it
-CHUNK_SAMPLES = 1 << 21  # samples by which that is done
-MAX_MOVES = 8  # that a lag may take until it is known to less than a sample
-MIN_CORRELATION = 0.5  # correlation at the period, at least
-MIN_REPEATED = 0.75  # share of the power of a signal that repeats from period to period, at least
-LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
+_FIRST_SAMPLES = 256  # samples that are looked for to the last bit
+_MAX_LAGS = 1000  # places that begin like the head, before an exact repeat is given up
+_TEMPLATE_SAMPLES = 1 << 14  # samples at one end of a record that are looked for elsewhere
+_CORRELATION_DROP = 0.05  # how much less like itself a signal may be there than over all of it
+_MAX_CANDIDATES = 64  # lags that are held against all of it
+_CHUNK_SAMPLES = 1 << 21  # samples by which that is done
+_MAX_MOVES = 8  # that a lag may take until it is known to less than a sample
+_MIN_CORRELATION = 0.5  # correlation at the period, at least
+_MIN_REPEATED = 0.75  # share of the power of a signal that repeats from period to period, at least
+_LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
 
 
 def detect_period(u: np.ndarray) -> float:
@@ -41,7 +41,7 @@ def detect_period(u: np.ndarray) -> float:
         multisine has its minus after half a period, and a resonance behind it something like itself nearby.
     """
     if u.size > LONG_SIGNAL:
-        period = bitwise_period(u) or period_of_long_signal(u)
+        period = _bitwise_period(u) or _period_of_long_signal(u)
         if period:
             return period
     return period_by_autocorrelation(u)
@@ -70,12 +70,12 @@ def period_by_autocorrelation(u: np.ndarray) -> float:
     if negative.size:
         rho[: negative[0]] = 0.0
         top = np.zeros(1)
-        if rho.max() > MIN_CORRELATION:
-            top, place = interpolate_peaks(spectrum, n_padded, overlap)
+        if rho.max() > _MIN_CORRELATION:
+            top, place = _interpolate_peaks(spectrum, n_padded, overlap)
             top[: negative[0] + 1] = 0.0
-        if top.max() > 0 and is_as_good(top.max(), -rho.min()):
+        if top.max() > 0 and _is_as_good(top.max(), -rho.min()):
             highest = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
-            as_good = is_as_good(top, top.max()) & np.concatenate(([False], highest, [True]))
+            as_good = _is_as_good(top, top.max()) & np.concatenate(([False], highest, [True]))
             peak = int(np.argmax(as_good))
             reach = slice(peak, min(peak + max(3, peak // 100), top.size))
             peak += int(np.argmax(top[reach]))
@@ -104,22 +104,22 @@ def is_repeated(u: np.ndarray, period: float) -> bool:
     starts = np.round(np.arange(int(u.size / period) + 1) * period).astype(int)
     periods = u[starts[starts + n <= u.size, None] + np.arange(n)] - u.mean()
     share = np.vdot(mean := periods.mean(axis=0), mean) * len(periods) / max(np.vdot(periods, periods), TINY)
-    if len(periods) < 2 or share > MIN_REPEATED:
+    if len(periods) < 2 or share > _MIN_REPEATED:
         return len(periods) > 1
-    return track_input(u, round(period)).unexplained < 1 - MIN_REPEATED  # samples may be lost between
+    return track_input(u, round(period)).unexplained < 1 - _MIN_REPEATED  # samples may be lost between
 
 
-def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
 
     Between its samples a correlation is known by its spectrum (n // 2 + 1,). A parabola through three samples would be
     too low for signals of a wide band, and a period of 399.75 samples would seem to be one of 1599.
     """
     n_lags = norm.size
-    fine = LAG_RESOLUTION * np.fft.irfft(spectrum, LAG_RESOLUTION * n)
-    fine = np.concatenate((fine[-LAG_RESOLUTION // 2 - 1 :], fine[: LAG_RESOLUTION * n_lags + 1]))
+    fine = _LAG_RESOLUTION * np.fft.irfft(spectrum, _LAG_RESOLUTION * n)
+    fine = np.concatenate((fine[-_LAG_RESOLUTION // 2 - 1 :], fine[: _LAG_RESOLUTION * n_lags + 1]))
     norm = np.append(norm, 2 * norm[-1] - norm[-2])  # half a sample behind the last one as well
-    fine /= np.interp((np.arange(fine.size) - LAG_RESOLUTION // 2 - 1) / LAG_RESOLUTION, np.arange(n_lags + 1), norm)
+    fine /= np.interp((np.arange(fine.size) - _LAG_RESOLUTION // 2 - 1) / _LAG_RESOLUTION, np.arange(n_lags + 1), norm)
     left, middle, right = fine[:-2], fine[1:-1], fine[2:]
     bend = 2 * middle - left - right
     peak = (middle >= left) & (middle >= right) & (bend > 0)
@@ -127,14 +127,14 @@ def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[n
     bend = np.where(peak, bend, 1.0)
     raised, offset = middle + slope**2 / (8 * bend), -slope / (2 * bend)
     # from half a sample before each lag to half a sample behind it, both ends with it
-    windows = np.lib.stride_tricks.sliding_window_view(raised, LAG_RESOLUTION + 1)[::LAG_RESOLUTION][:n_lags]
+    windows = np.lib.stride_tricks.sliding_window_view(raised, _LAG_RESOLUTION + 1)[::_LAG_RESOLUTION][:n_lags]
     best = np.argmax(windows, axis=1)
     rows = np.arange(n_lags)
-    place = rows + (best - LAG_RESOLUTION // 2 + offset[LAG_RESOLUTION * rows + best]) / LAG_RESOLUTION
+    place = rows + (best - _LAG_RESOLUTION // 2 + offset[_LAG_RESOLUTION * rows + best]) / _LAG_RESOLUTION
     return windows[rows, best], place
 
 
-def parabola_vertex(rho: np.ndarray, peak: int) -> float:
+def _parabola_vertex(rho: np.ndarray, peak: int) -> float:
     """Offset of the top of the parabola through a peak and its neighbours."""
     if not 0 < peak < rho.size - 1:
         return 0.0
@@ -143,9 +143,9 @@ def parabola_vertex(rho: np.ndarray, peak: int) -> float:
     return float(0.5 * (left - right) / curvature) if curvature < 0 else 0.0
 
 
-def bitwise_period(u: np.ndarray) -> float:
+def _bitwise_period(u: np.ndarray) -> float:
     """Return the least lag at which a signal repeats to the last bit, 0 where it does not."""
-    head = u[:FIRST_SAMPLES]
+    head = u[:_FIRST_SAMPLES]
     anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is not met everywhere
     tries = 0
     if np.ptp(head) == 0:
@@ -155,40 +155,40 @@ def bitwise_period(u: np.ndarray) -> float:
         for at in np.flatnonzero(u[first + anchor : some.stop + 1 + anchor] == head[anchor]).tolist():
             lag = first + at
             tries += 1
-            if np.array_equal(u[lag : lag + FIRST_SAMPLES], head) and streams_equal(u[lag:], u[:-lag]):
+            if np.array_equal(u[lag : lag + _FIRST_SAMPLES], head) and streams_equal(u[lag:], u[:-lag]):
                 return float(lag)
-            if tries == MAX_LAGS:
+            if tries == _MAX_LAGS:
                 return 0.0
     return 0.0
 
 
-def period_of_long_signal(u: np.ndarray) -> float:
+def _period_of_long_signal(u: np.ndarray) -> float:
     """Return the period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
     step = smooth_step(u)
     rough = decimate(u[np.newaxis, : u.size // step * step], step)[0]
     rough = rough - rough.mean()
-    found, lowest = template_lags(rough)
-    if not found or not is_as_good(max(found.values()), -lowest):
+    found, lowest = _template_lags(rough)
+    if not found or not _is_as_good(max(found.values()), -lowest):
         return 0.0
-    best = lagged_correlation(u, round(step * max(found, key=lambda lag: found[lag])))
+    best = _lagged_correlation(u, round(step * max(found, key=lambda lag: found[lag])))
     for lag in found:
-        like = lagged_correlation(u, step * lag)
-        if like > MIN_CORRELATION and is_as_good(like, best):
-            return refine_lag(u, step * lag, step)
+        like = _lagged_correlation(u, step * lag)
+        if like > _MIN_CORRELATION and _is_as_good(like, best):
+            return _refine_lag(u, step * lag, step)
     return 0.0
 
 
-def is_as_good(like: float | np.ndarray, best: float) -> bool | np.ndarray:
+def _is_as_good(like: float | np.ndarray, best: float) -> bool | np.ndarray:
     """Whether a correlation, or each of an array, is as good as the best one: the first lag that is, is the period."""
     return like > best - 0.1 * (1 - best) - 0.02
 
 
-def template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
+def _template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
     """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well.
 
     The second is the lowest correlation: how well their minus is found.
     """
-    n, length = u.size, min(TEMPLATE_SAMPLES, u.size // 8)
+    n, length = u.size, min(_TEMPLATE_SAMPLES, u.size // 8)
     ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
     u = u if ends[0] >= ends[1] else u[::-1]
     size = fast_length(8 * length)
@@ -202,36 +202,36 @@ def template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
         sums = np.concatenate(([0.0], np.cumsum(part**2)))
         sums = (sums[length:] - sums[:-length])[:n_lags]
         norm = np.sqrt(np.maximum(energy * sums, TINY))
-        rho, top = np.fft.irfft(spectrum, size)[:n_lags] / norm, interpolate_peaks(spectrum, size, norm)[0]
+        rho, top = np.fft.irfft(spectrum, size)[:n_lags] / norm, _interpolate_peaks(spectrum, size, norm)[0]
         if not negative:
             below = np.flatnonzero(rho < 0)
             negative = below.size > 0
             rho[: below[0] if negative else rho.size] = 0.0
         lowest = min(lowest, float(rho.min()))
-        peaks = np.flatnonzero((rho[1:-1] > MIN_CORRELATION) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
+        peaks = np.flatnonzero((rho[1:-1] > _MIN_CORRELATION) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
         found |= dict(zip((first + peaks).tolist(), top[peaks].tolist(), strict=True))
         best = max(found.values(), default=0.0)
-        kept = [lag for lag, like in found.items() if is_as_good(like, best - CORRELATION_DROP)]
-        found = {lag: found[lag] for lag in kept[:MAX_CANDIDATES]}
+        kept = [lag for lag, like in found.items() if _is_as_good(like, best - _CORRELATION_DROP)]
+        found = {lag: found[lag] for lag in kept[:_MAX_CANDIDATES]}
     return found, lowest
 
 
-def lagged_correlation(u: np.ndarray, lag: int) -> float:
+def _lagged_correlation(u: np.ndarray, lag: int) -> float:
     """Return the correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
-    first = max(0, (u.size - lag - CHUNK_SAMPLES) // 2)
-    early, late = u[first : u.size - lag][:CHUNK_SAMPLES], u[first + lag :][:CHUNK_SAMPLES]
+    first = max(0, (u.size - lag - _CHUNK_SAMPLES) // 2)
+    early, late = u[first : u.size - lag][:_CHUNK_SAMPLES], u[first + lag :][:_CHUNK_SAMPLES]
     mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size
     power = np.vdot(early, early) / early.size - mean[0] ** 2, np.vdot(late, late) / late.size - mean[1] ** 2
     common = np.vdot(early, late) / early.size - mean[0] * mean[1]
     return float(common / np.sqrt(max(power[0] * power[1], TINY)))
 
 
-def refine_lag(u: np.ndarray, lag: int, step: int) -> float:
+def _refine_lag(u: np.ndarray, lag: int, step: int) -> float:
     """The lag near one, to less than a sample, at which a signal that is smooth over `step` is most like itself."""
     middle = lag
-    for _ in range(MAX_MOVES):
-        like = np.array([lagged_correlation(u, middle + shift) for shift in (-step, 0, step)])
-        offset = step * parabola_vertex(like, 1)
+    for _ in range(_MAX_MOVES):
+        like = np.array([_lagged_correlation(u, middle + shift) for shift in (-step, 0, step)])
+        offset = step * _parabola_vertex(like, 1)
         if like[1] == like.max() and abs(offset) <= 0.5 * max(1, step // 4):
             return middle + offset
         # from the slope of a parabola where it has a top

@@ -52,7 +52,7 @@ class Channels:
         for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
             given = channel_names(f"{side}s", names[k], n[k])
             self.__dict__[f"{side}s"] = given or tuple(f"{letter}{i + 1}" if n[k] > 1 else letter for i in range(n[k]))
-            self.__dict__[f"{side}_units"] = channel_units(f"{side}_units", units[k], n[k])
+            self.__dict__[f"{side}_units"] = _channel_units(f"{side}_units", units[k], n[k])
 
     @property
     def n_inputs(self) -> int:
@@ -67,12 +67,12 @@ class Channels:
     @property
     def u_name(self) -> str:
         """Name of the only input; empty where it is not known, or where there are several."""
-        return given_name(self.inputs, "u")
+        return _given_name(self.inputs, "u")
 
     @property
     def y_name(self) -> str:
         """Name of the only output; empty where it is not known, or where there are several."""
-        return given_name(self.outputs, "y")
+        return _given_name(self.outputs, "y")
 
     @property
     def u_unit(self) -> str:
@@ -176,7 +176,7 @@ class Record(Channels):
         require_choice("hold", hold, HOLDS)
         require_kind("lines", lines, LineGrid)
         fs = require_positive("fs", fs)
-        signals = to_one_layout({"u": u, "y": y} | ({} if r is None else {"r": r}))
+        signals = _to_one_layout({"u": u, "y": y} | ({} if r is None else {"r": r}))
         highest = max(int(kind[-1]) for kind in (lines.excited, lines.odd, lines.even) if kind.size)
         n_samples = signals["u"].shape[-1]
         if 2 * highest >= n_samples:
@@ -225,7 +225,7 @@ class Record(Channels):
         return self.fs / self.n_samples
 
 
-def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     """Signals as float arrays (M, P, N) of one input and one output, else (channels, M, P, N); or refused."""
     several = any(np.ndim(signal) == 4 for signal in signals.values())
     arrays = {name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
@@ -245,12 +245,12 @@ def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     return arrays
 
 
-def given_name(names: tuple[str, ...], letter: str) -> str:
+def _given_name(names: tuple[str, ...], letter: str) -> str:
     """Return the name of a single channel that somebody gave it."""
     return names[0] if len(names) == 1 and names[0] != letter else ""
 
 
-def channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
+def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
     """Return the unit of each channel, empty where it is not known."""
     units = (given,) if isinstance(given, str) else tuple(given)
     if units and (len(units) != n or not all(isinstance(one, str) for one in units)):

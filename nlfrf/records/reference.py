@@ -8,7 +8,7 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
 
-MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
+_MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
 
 
 def design_period(design: Multisine, fs: float) -> int:
@@ -73,7 +73,7 @@ def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
         found = np.array(
             [
                 [
-                    align_spectra(mine, drawn, k=k, n_samples=n_samples)
+                    _align_spectra(mine, drawn, k=k, n_samples=n_samples)
                     for mine, drawn in zip(U[:, m], D[:, e], strict=True)
                 ]
                 for e in range(D.shape[1])
@@ -81,7 +81,7 @@ def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
         )
         likeness = found[:, :, 0].min(axis=1)  # of the input that looks least like its row
         best = int(np.argmax(likeness))
-        if not likeness[best] > MIN_CORRELATION:
+        if not likeness[best] > _MIN_CORRELATION:
             raise ValueError(
                 f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
                 f"{f'realisation {m}' if len(u) == 1 else f'experiment {m + 1}'} at best"
@@ -93,7 +93,7 @@ def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
     return np.broadcast_to(played[:, :, None, :], u.shape)  # one period that stands for all of them
 
 
-def align_spectra(U: np.ndarray, D: np.ndarray, *, k: np.ndarray, n_samples: int) -> tuple[float, float]:
+def _align_spectra(U: np.ndarray, D: np.ndarray, *, k: np.ndarray, n_samples: int) -> tuple[float, float]:
     """Return the largest correlation of an input with a design over all shifts, and that shift [samples]."""
     cross = np.zeros(n_samples // 2 + 1, dtype=complex)
     cross[k] = U * D.conj()

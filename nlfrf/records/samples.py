@@ -45,9 +45,9 @@ from nlfrf.records.screening.stream import (
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
-MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
-SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
+_MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
+_MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
+_SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 Streams = dict[str, list[np.ndarray]]
 #: Samples as they are given: one stream, or one for each realisation or experiment.
 Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
@@ -145,8 +145,8 @@ def record_from_samples(
         u, y, r = signals["u"], signals["y"], signals.get("r")
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     several = design is not None and not design.is_single
-    if inputs or outputs or several or any(map(has_channels, signals.values())):
-        return record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)
+    if inputs or outputs or several or any(map(_has_channels, signals.values())):
+        return _record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)
     (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, options=options)
     return record
 
@@ -162,13 +162,13 @@ class Cutting(NamedTuple):
     hold: str | None = None
 
 
-def has_channels(signal: Samples) -> bool:
+def _has_channels(signal: Samples) -> bool:
     """Return whether streams come with an axis of channels: of a list its first one tells."""
     first = signal[0] if isinstance(signal, list | tuple) and signal else signal
     return np.ndim(first) == 2
 
 
-def record_of_channels(
+def _record_of_channels(
     signals: dict[str, Samples],
     fs: float,
     *,
@@ -184,7 +184,7 @@ def record_of_channels(
             lines=design.lines if options.lines is None else options.lines,
             hold=design.hold if options.hold is None else options.hold,
         )
-    streams = {name: split_experiments(name, signal) for name, signal in signals.items()}
+    streams = {name: _split_experiments(name, signal) for name, signal in signals.items()}
     for name, signal in streams.items():
         lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
         if lengths != wanted:
@@ -196,7 +196,7 @@ def record_of_channels(
     known = "r" if "r" in streams else "u"
     names = {"u": inputs, "y": outputs, "r": inputs}
     lines = options.lines
-    found, fs = cut_together(streams, known, names=names, fs=fs, options=options)
+    found, fs = _cut_together(streams, known, names=names, fs=fs, options=options)
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
@@ -214,7 +214,7 @@ def record_of_channels(
     )
 
 
-def cut_together(
+def _cut_together(
     streams: Streams, known: str, *, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
 ) -> tuple[dict[str, np.ndarray], float]:
     """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
@@ -222,11 +222,11 @@ def cut_together(
     All channels at once: a period that one of them lost is lost to all.
     """
     channels = {
-        channel_label(name, i, names[name]): [one[i] for one in signal]
+        _channel_label(name, i, names[name]): [one[i] for one in signal]
         for name, signal in streams.items()
         for i in range(len(signal[0]))
     }
-    summed = [sum_with_all_lines(one) for one in streams[known]]
+    summed = [_sum_with_all_lines(one) for one in streams[known]]
     options = options._replace(design=None, hold=None)
     cut = records_from_streams(summed, channels, r=None, fs=fs, options=options, named=True)
     rows = iter(cut)
@@ -234,22 +234,22 @@ def cut_together(
     return found, cut[0].fs
 
 
-def channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
+def _channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
     """Return a channel in messages: "y2", or "y2 (position)" where it has a name."""
     return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
 
 
-def sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
+def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
     """(n,) one signal with the lines of all channels: the first, or where each has lines of its own their sum."""
     power = squared_modulus(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
     size = np.add.reduce(power, axis=1)
     share = power[size > 0] / size[size > 0, None]
-    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > SHARED_SHARE:
+    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > _SHARED_SHARE:
         return np.asarray(channels[0])
     return np.asarray((1 / np.sqrt(size)) @ channels)
 
 
-def split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
+def _split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
     """Return the streams (n_channels, n) of each experiment."""
     many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
     arrays = [
@@ -286,7 +286,7 @@ def records_from_streams(
             require_kind(name, given, kind)
     streams = {
         name: [unwrap_position(name, one) for one in signal]
-        for name, signal in check_streams(u, outputs, r=r, named=named).items()
+        for name, signal in _check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     pairs = {} if named else labels  # of several inputs an output may have less between its lines than their sum
@@ -297,10 +297,10 @@ def records_from_streams(
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
-        with add_swap_hint(streams, pairs):
-            n_samples = rounded_period(streams[known][0], resample)
+        with _add_swap_hint(streams, pairs):
+            n_samples = _rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
-    has_outliers = screen_outputs(streams, n_samples=n_samples, fs=fs)
+    has_outliers = _screen_outputs(streams, n_samples=n_samples, fs=fs)
     if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
@@ -308,8 +308,8 @@ def records_from_streams(
         )
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     del streams
-    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs)
-    cut = leave_out_outliers(cut) if has_outliers else cut
+    cut, lines, fs = _cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs)
+    cut = _leave_out_outliers(cut) if has_outliers else cut
     if design is not None:
         cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
@@ -319,17 +319,17 @@ def records_from_streams(
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
 
 
-def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
+def _screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
     """`warn_of_outliers` of every output in every realisation; return whether there are any."""
-    pairs = [(name, u, y) for name in output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
+    pairs = [(name, u, y) for name in _output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
     return sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
 
 
-def leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Leave out the periods of signals (M, P, N) in which an output has outliers, where half of all are left."""
     _, n_periods, n_samples = cut["u"].shape
     good = np.ones(n_periods, dtype=bool)
-    for name in output_names(cut):
+    for name in _output_names(cut):
         for u, y in zip(cut["u"], cut[name], strict=True):
             good[find_outliers(y.ravel(), u.ravel(), n_samples)[0] // n_samples] = False
     if good.all() or 2 * np.count_nonzero(good) < n_periods:
@@ -337,7 +337,7 @@ def leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: signal[:, good] for name, signal in cut.items()}
 
 
-def cut_periods(
+def _cut_periods(
     kept: Streams,
     known: str,
     *,
@@ -351,32 +351,32 @@ def cut_periods(
     `known` names the input or the reference. Faults of every channel are refused, warned of or, with `resample`, cured.
     """
     resample = options.resample
-    cut_silence(kept, known, n_samples=n_samples)
+    _cut_silence(kept, known, n_samples=n_samples)
     stream = kept[known][0]
     for name, signal in kept.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
-    warn_of_other_rates(kept, fs)
-    with add_swap_hint(kept, labels):
-        tracks = track_inputs(kept[known], n_samples, resample)
+    _warn_of_other_rates(kept, fs)
+    with _add_swap_hint(kept, labels):
+        tracks = _track_inputs(kept[known], n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
 
     def cut_into_periods(signal: list[np.ndarray]) -> np.ndarray:
-        return cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples)
+        return _cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples)
 
     # what may be cut once more is kept
     cut = {name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)}
-    with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
-        check_period(cut[known], stream, fs)
-    warn_of_swapped(cut, labels)
-    lines = lines_of_periods(cut[known], options) if options.lines is None else options.lines
-    require_equal_gaps(kept, tracks)
-    for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
-        if not examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
+    with _add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
+        _check_period(cut[known], stream, fs)
+    _warn_of_swapped(cut, labels)
+    lines = _lines_of_periods(cut[known], options) if options.lines is None else options.lines
+    _require_equal_gaps(kept, tracks)
+    for _ in range(_MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
+        if not _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
             break
         cut = {name: cut_into_periods(signal) for name, signal in kept.items()}
     else:  # what is left after all cures is refused
-        examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
+        _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
             f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. In one period noise "
@@ -388,11 +388,11 @@ def cut_periods(
     return cut, lines, fs
 
 
-def lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
+def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
     """Return the lines of the design, or those that an input or reference (M, P, N) shows."""
     if options.design is not None:
         return options.design.lines
-    lines = recognise_grid(periods)
+    lines = _recognise_grid(periods)
     _, n_periods, n_samples = periods.shape
     if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
@@ -403,7 +403,7 @@ def lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
     return lines
 
 
-def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
+def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
     """Leave out, in place, what stands before and behind the excitation, the signal `known`, and warn of it."""
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
@@ -414,25 +414,25 @@ def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
         ]
         if found:
             data_warning(
-                f"{output_label(known, m, streams[known])} is silent for {' and '.join(found)} the excitation: they "
+                f"{_output_label(known, m, streams[known])} is silent for {' and '.join(found)} the excitation: they "
                 "are left out"
             )
             for signal in streams.values():
                 signal[m] = signal[m][some]
 
 
-def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
+def _track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
     """Return where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
     tracks = [track_input(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
-    tracks = [found for found in tracks if found.unexplained < MAX_PERIOD_DIFFERENCE]
+    tracks = [found for found in tracks if found.unexplained < _MAX_PERIOD_DIFFERENCE]
     if resample and len(tracks) == len(excitation):
         return list(tracks)
     for where in tracks:
-        require_period_alignment(where)
+        _require_period_alignment(where)
     return [None] * len(excitation)
 
 
-def cut_stream(
+def _cut_stream(
     streams: list[np.ndarray], tracks: list[PeriodAlignment | None], *, n_periods: int, n_samples: int
 ) -> np.ndarray:
     """Return (M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
@@ -448,7 +448,7 @@ def cut_stream(
     return cut
 
 
-def examine_outputs(
+def _examine_outputs(
     streams: Streams,
     cut: dict[str, np.ndarray],
     *,
@@ -463,10 +463,10 @@ def examine_outputs(
     if cut["u"].shape[1] < 2:
         return False
     cured, drifts, n_unsettled = False, [], 0
-    for name in output_names(cut):
+    for name in _output_names(cut):
         for m, where in enumerate(tracks):
             lag = align_output(cut["u"][m], cut[name][m], lines.excited)
-            described_label = output_label(name, m, tracks)
+            described_label = _output_label(name, m, tracks)
             if lag.fault and resample and where is not None:
                 periods = resegment(streams["u"][m], where)[1][: len(lag.sound)]
                 streams[name][m], good = resample_to_input_clock(streams[name][m], lag, periods)
@@ -495,25 +495,25 @@ def examine_outputs(
     return cured
 
 
-def output_label(name: str, m: int, tracks: Sequence[object]) -> str:
+def _output_label(name: str, m: int, tracks: Sequence[object]) -> str:
     """Return how a signal is called in messages, of realisation m of several."""
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
-def output_names(signals: Iterable[str]) -> list[str]:
+def _output_names(signals: Iterable[str]) -> list[str]:
     """Return the names of those that are neither input nor reference."""
     return [name for name in signals if name not in ("u", "r")]
 
 
-def require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) -> None:
-    """`require_gap` for every output that is cut where its input stands."""
+def _require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) -> None:
+    """`_require_gap` for every output that is cut where its input stands."""
     for m, where in enumerate(tracks):
         if where is not None:
-            for name in output_names(streams):
-                require_gap(output_label(name, m, tracks), streams[name][m], where)
+            for name in _output_names(streams):
+                _require_gap(_output_label(name, m, tracks), streams[name][m], where)
 
 
-def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
+def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
     """Refuse an output without the gap that its input has before all sound periods: what follows may stand anywhere."""
     first = int(np.argmax(where.sound))
     lost = where.gaps[:first].sum()
@@ -529,17 +529,17 @@ def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
         )
 
 
-def check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
+def _check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
     """Return the streams of each signal, one per realisation, once they are known to belong together.
 
     Outputs that are named are called so in messages, others y.
     """
-    streams = {"u": to_streams("u", u)}
+    streams = {"u": _to_streams("u", u)}
     for output, y in outputs.items():
         name = output if named else f"y {output!r}" if len(outputs) > 1 else "y"
-        streams[name] = to_streams(name, y)
+        streams[name] = _to_streams(name, y)
     if r is not None:
-        streams["r"] = to_streams("r", r)
+        streams["r"] = _to_streams("r", r)
     for name, signal in streams.items():
         if len(signal) != len(streams["u"]):
             raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
@@ -553,9 +553,9 @@ def check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | No
     return streams
 
 
-def warn_of_other_rates(streams: Streams, fs: float) -> None:
+def _warn_of_other_rates(streams: Streams, fs: float) -> None:
     """Warn of an output that was sampled more slowly than the input, and held."""
-    for name in output_names(streams):
+    for name in _output_names(streams):
         n = hold_factor(streams[name][0])
         if n > 1 and n != hold_factor(streams["u"][0]):
             nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
@@ -571,32 +571,32 @@ def warn_of_other_rates(streams: Streams, fs: float) -> None:
             )
 
 
-def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
+def _warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
     """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
     if "r" in cut or not labels:
         return
     message = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
-        for name in output_names(cut)
+        for name in _output_names(cut)
         if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
     ]
-    message.append(describe_swap(cut, lambda signal: find_signal_lines(signal[:1, -2:]), labels))
+    message.append(_describe_swap(cut, lambda signal: find_signal_lines(signal[:1, -2:]), labels))
     if any(message):
         data_warning("; ".join(filter(None, message)))
 
 
 @contextmanager
-def add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Iterator[None]:
+def _add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Iterator[None]:
     """Add to a refusal of the input that the multisine is found in an output, where it is."""
     try:
         yield
     except ValueError as error:
-        if not (found := describe_swap(streams, lines_of_first_period, labels)):
+        if not (found := _describe_swap(streams, _lines_of_first_period, labels)):
             raise
         raise ValueError(f"{found}; so far {error}") from None
 
 
-def lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
+def _lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
     """Return the lines of the first period of a signal, as long as it says itself; None where it has none.
 
     Lost samples make the period that is found shorter by a part of one: of the two whole ones the one with even lines.
@@ -609,7 +609,7 @@ def lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
     return min(filter(None, both), key=lambda one: one.spread, default=None)
 
 
-def describe_swap(
+def _describe_swap(
     signals: Mapping[str, Any], lines_of: Callable[[Any], SignalLines | None], labels: Mapping[str, SignalLabels]
 ) -> str:
     """Describe exchanged signals: by its lines an output was played and the input was not; else an empty text.
@@ -626,7 +626,7 @@ def describe_swap(
     if "r" in signals or not labels:
         return ""
     u = lines_of(signals["u"])
-    for name, label in zip(output_names(signals), labels.values(), strict=True):
+    for name, label in zip(_output_names(signals), labels.values(), strict=True):
         u_name, y_name = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
         if found := "" if u and u.is_clean else describe_played(lines_of(signals[name]), u):
             return (
@@ -636,7 +636,7 @@ def describe_swap(
     return ""
 
 
-def recognise_grid(periodic: np.ndarray) -> LineGrid:
+def _recognise_grid(periodic: np.ndarray) -> LineGrid:
     """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
     power, noise = line_powers(periodic)
     grid = lines_from_powers(power, noise)
@@ -649,7 +649,7 @@ def recognise_grid(periodic: np.ndarray) -> LineGrid:
     return grid
 
 
-def require_period_alignment(where: PeriodAlignment) -> None:
+def _require_period_alignment(where: PeriodAlignment) -> None:
     """Refuse periods out of place where that would read as distortion, and warn where it just might."""
     fault = where.fault
     if fault and (where.misplaced > SEVERE_POWER or not where.sound.all()):
@@ -658,7 +658,7 @@ def require_period_alignment(where: PeriodAlignment) -> None:
         data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
 
 
-def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
+def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """One-dimensional streams, one per realisation."""
     many = list(signal) if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0 else [signal]
     if many[0] is signal and np.ndim(signal) != 1:
@@ -667,7 +667,7 @@ def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     return [require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=1) for m, one in enumerate(many)]
 
 
-def rounded_period(u: np.ndarray, resample: bool) -> int:
+def _rounded_period(u: np.ndarray, resample: bool) -> int:
     """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
@@ -680,7 +680,7 @@ def rounded_period(u: np.ndarray, resample: bool) -> int:
     return round(period)
 
 
-def check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
+def _check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
     """Refuse periods that do not repeat each other: the period, or the signal, is another."""
     _, n_periods, n_samples = u.shape
     if n_periods < 2:
@@ -694,7 +694,7 @@ def check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
             mean = np.add.reduce(one[:, some]) / n_periods
             lost += sum(float(np.sum((period - mean) ** 2)) for period in one[:, some])
             whole += n_periods * float(np.sum((mean - middle) ** 2))
-    if lost > MAX_PERIOD_DIFFERENCE * (whole + lost):
+    if lost > _MAX_PERIOD_DIFFERENCE * (whole + lost):
         unexplained = lost / (whole + lost)
         try:
             period = detect_repetition(stream)

@@ -27,7 +27,7 @@ class Fault(Enum):
     DIFFERENT = "period differs from the others"
 
 
-class FaultySpan(NamedTuple):
+class _FaultySpan(NamedTuple):
     """Samples first to end - 1 of a record: what is wrong with them, and how much of it."""
 
     fault: Fault
@@ -63,7 +63,7 @@ class ScreenedStreams:
     fs: float
     period: float
     starts: np.ndarray
-    spans: tuple[FaultySpan, ...]
+    spans: tuple[_FaultySpan, ...]
     outliers: tuple[np.ndarray, ...]
 
 
@@ -103,24 +103,26 @@ def screen_streams(
     """
     rows = np.arange(streams[0].size) if place is None else place
     n = int(rows[-1]) + 1
-    smooth = [np.interp(np.arange(n), rows, unwrap_silently(x)) for x in streams]  # straight lines over what is lost
+    smooth = [np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams]  # straight lines over what is lost
     whole = round(period)
     outliers = [find_outliers(x, x if k < n_inputs else smooth[0], whole or n)[0] for k, x in enumerate(smooth)]
     steps = np.diff(rows)
     spans = [
-        FaultySpan(Fault.LOST, int(rows[j]) + 1, int(rows[j + 1]), format_count(int(steps[j]) - 1, "sample"))
+        _FaultySpan(Fault.LOST, int(rows[j]) + 1, int(rows[j + 1]), format_count(int(steps[j]) - 1, "sample"))
         for j in np.flatnonzero(steps > 1)
     ]
     starts = np.zeros(0, dtype=int)
     if whole:
         excited = excited_span(smooth[0], whole)
         kept = [x[excited] for x in smooth]
-        starts, slips = find_slipped_periods(kept, n_inputs, period) if place is None else (evenly(kept[0], period), [])
+        starts, slips = (
+            _find_slipped_periods(kept, n_inputs, period) if place is None else (_evenly(kept[0], period), [])
+        )
         starts = starts + excited.start
         last = int(starts[-1]) + whole if starts.size else excited.stop
         spans += [span._replace(first=span.first + excited.start, end=span.end + excited.start) for span in slips]
         spans += [
-            FaultySpan(fault, first, end, format_count(end - first, "sample"))
+            _FaultySpan(fault, first, end, format_count(end - first, "sample"))
             for fault, first, end in (
                 (Fault.SILENCE, 0, excited.start),
                 (Fault.REST, last, excited.stop),
@@ -142,7 +144,7 @@ def screen_streams(
     )
 
 
-def unwrap_silently(x: np.ndarray) -> np.ndarray:
+def _unwrap_silently(x: np.ndarray) -> np.ndarray:
     """Return a stream (n,) without the jumps of a position that wraps; as it is where its direction is not known."""
     with warnings.catch_warnings(), suppress(ValueError):
         warnings.simplefilter("ignore")
@@ -150,21 +152,21 @@ def unwrap_silently(x: np.ndarray) -> np.ndarray:
     return x
 
 
-def evenly(x: np.ndarray, period: float) -> np.ndarray:
+def _evenly(x: np.ndarray, period: float) -> np.ndarray:
     """Return the samples at which whole periods of a stream (n,) begin, one after the other."""
     return np.round(np.arange(int(x.size / period + 1e-9)) * period).astype(int)
 
 
-def find_slipped_periods(
+def _find_slipped_periods(
     streams: Sequence[np.ndarray], n_inputs: int, period: float
-) -> tuple[np.ndarray, list[FaultySpan]]:
+) -> tuple[np.ndarray, list[_FaultySpan]]:
     """Return where whole periods of streams begin, and those in which samples are lost or which differ from the others.
 
     The outputs are looked at where the input has lost nothing: else they share its gap, or stand against nothing.
     """
     n = round(period)
     if streams[0].size < 2 * n:
-        return evenly(streams[0], period), []
+        return _evenly(streams[0], period), []
     where = track_input(streams[0], n)
     pace = where.period if where.sound.any() else period
     starts = np.round(np.arange(where.sound.size) * pace + where.jumps).astype(int)
@@ -179,16 +181,16 @@ def find_slipped_periods(
     steps = np.diff(slips, append=slips[-1])
     spans = []
     for j in np.flatnonzero(inside & (differs | (steps != 0))).tolist():
-        lost = Fault.LOST, describe_slip(float(steps[j]), j)
+        lost = Fault.LOST, _describe_slip(float(steps[j]), j)
         fault, extent = lost if steps[j] else (Fault.DIFFERENT, f"period {j + 1}")
-        spans.append(FaultySpan(fault, int(starts[j]), int(starts[j]) + n, extent))
+        spans.append(_FaultySpan(fault, int(starts[j]), int(starts[j]) + n, extent))
     return starts[inside], spans
 
 
-def describe_slip(step: float, period: int) -> str:
+def _describe_slip(step: float, period: int) -> str:
     """Return how many samples are lost or repeated in a period, counted from zero.
 
-    >>> describe_slip(-3.0, 1)
+    >>> _describe_slip(-3.0, 1)
     '3 samples lost in period 2'
     """
     return f"{format_count(round(abs(step)), 'sample')} {'lost' if step < 0 else 'repeated'} in period {period + 1}"

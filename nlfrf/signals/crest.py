@@ -18,9 +18,9 @@ import numpy as np
 from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_positive
 from nlfrf.signals.multisine import Multisine, Rng, require_one_input
 
-FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
-RANDOM_STREAM = 1  # of the draws, beside the seed
-MAX_SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M
+_FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
+_RANDOM_STREAM = 1  # of the draws, beside the seed
+_MAX_SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M
 
 
 def reduce_crest(
@@ -87,19 +87,19 @@ def reduce_crest(
     n_fine = require_integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = require_integer("n_iterations", n_iterations, least=1)
     # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already
-    rng = random_generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, RANDOM_STREAM])
+    rng = random_generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, _RANDOM_STREAM])
     if target is None:
         n_draws = (
-            max_harmless_draws(ms.n_realizations) if n_draws is None else require_integer("n_draws", n_draws, least=1)
+            _max_harmless_draws(ms.n_realizations) if n_draws is None else require_integer("n_draws", n_draws, least=1)
         )
-        phases = [best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase]
+        phases = [_best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase]
     else:
         target, starts = (
             require_positive("target", target),
-            [schroeder_phases(ms.amplitude)],
+            [_schroeder_phases(ms.amplitude)],
         )  # for one: it is the same for all
         phases = [
-            reduce_one_realization(
+            _reduce_one_realization(
                 ms, phase, starts=starts, target=target, n_iterations=n_iterations, n_fine=n_fine, rng=rng
             )
             for phase in ms.phase
@@ -152,31 +152,31 @@ def is_improbable(peaks: np.ndarray) -> bool:
     (False, True, True)
     """
     total, n = float(peaks.sum()), peaks.size
-    if total <= max(n, -math.log(FALSE_ALARM)):  # n variables are above it more often than one is
+    if total <= max(n, -math.log(_FALSE_ALARM)):  # n variables are above it more often than one is
         return False
     # the sum of n exponential variables is above s with probability sum_{i < n} s^i exp(-s) / i!
     terms = list(itertools.accumulate((math.log(total / i) for i in range(1, n)), initial=0.0))
     largest = max(terms)
-    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(FALSE_ALARM)
+    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(_FALSE_ALARM)
 
 
-def max_harmless_draws(n_realizations: int) -> int:
+def _max_harmless_draws(n_realizations: int) -> int:
     """Draws of which the best is SHIFT / sqrt(M) standard deviations from the mean, as a normal variable would be.
 
-    >>> [max_harmless_draws(n) for n in (1, 2, 4, 7, 20)]
+    >>> [_max_harmless_draws(n) for n in (1, 2, 4, 7, 20)]
     [7, 3, 2, 2, 1]
     """
-    beyond = math.erfc(MAX_SHIFT / math.sqrt(2 * n_realizations)) / 2
+    beyond = math.erfc(_MAX_SHIFT / math.sqrt(2 * n_realizations)) / 2
     return max(1, int(0.6 / beyond))
 
 
-def best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
+def _best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
     """Return the phases with the lowest peaks of n draws, the given ones among them."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
-    return min(draws, key=lambda one: fine_crest_factor(ms, one, n_fine))
+    return min(draws, key=lambda one: _fine_crest_factor(ms, one, n_fine))
 
 
-def reduce_one_realization(
+def _reduce_one_realization(
     ms: Multisine,
     phase: np.ndarray,
     *,
@@ -187,19 +187,19 @@ def reduce_one_realization(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return the best phases of one realisation: from its own, from Schroeder's, then from fresh random ones."""
-    best, lowest, done, own = phase, fine_crest_factor(ms, phase, n_fine), 0, True
+    best, lowest, done, own = phase, _fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
         own = False
         steps = min(500, n_iterations - done)
-        found, its_crest = clip_and_restore(ms, start, n_steps=steps, n_fine=n_fine, target=target)
+        found, its_crest = _clip_and_restore(ms, start, n_steps=steps, n_fine=n_fine, target=target)
         done += steps
         if its_crest < lowest:
             best, lowest = found, its_crest
     return best
 
 
-def clip_and_restore(
+def _clip_and_restore(
     ms: Multisine, phase: np.ndarray, *, n_steps: int, n_fine: int, target: float
 ) -> tuple[np.ndarray, float]:
     """Clip in time, restore the amplitudes in frequency, n_steps times; the best phases on the way."""
@@ -220,12 +220,12 @@ def clip_and_restore(
     return best, lowest
 
 
-def fine_crest_factor(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
+def _fine_crest_factor(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
     """Crest factor on the finer grid."""
     return float(np.abs(replace(ms, phase=phase[None]).sampled(n_fine)).max()) / ms.rms
 
 
-def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
+def _schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
     """Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans. Inf. Theory 16, 1970)."""
     share = amplitude**2 / np.sum(amplitude**2)
     before = np.cumsum(share) - share

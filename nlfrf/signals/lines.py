@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
-MAX_LINE = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
+_MAX_LINE = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
 #: Excited residues and their modulus, for the grids that repeat.
-RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
+_RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
     "full": ((0,), 1),
     "odd": ((1,), 2),
     "odd-odd": ((1,), 4),
@@ -56,12 +56,12 @@ class LineGrid:
     even: ArrayField = None
 
     def __post_init__(self) -> None:
-        excited = line_numbers("excited", self.excited)
+        excited = _line_numbers("excited", self.excited)
         if excited.size == 0:
             raise ValueError("excited must hold at least one line, got none")
         rest = detection_lines(excited) if self.odd is None or self.even is None else excited
-        odd = rest[rest % 2 == 1] if self.odd is None else line_numbers("odd", self.odd)
-        even = rest[rest % 2 == 0] if self.even is None else line_numbers("even", self.even)
+        odd = rest[rest % 2 == 1] if self.odd is None else _line_numbers("odd", self.odd)
+        even = rest[rest % 2 == 0] if self.even is None else _line_numbers("even", self.even)
         for name, detection, remainder in (("odd", odd, 1), ("even", even, 0)):
             if np.any(detection % 2 != remainder):
                 wrong = detection[detection % 2 != remainder]
@@ -81,12 +81,12 @@ class LineGrid:
 
 def detection_lines(excited: np.ndarray) -> np.ndarray:
     """Every line between the first and the last excited one that is not excited."""
-    if excited[-1] > MAX_LINE:
-        raise ValueError(f"excited must be lines of at most {MAX_LINE}, got {excited[-1]}")
+    if excited[-1] > _MAX_LINE:
+        raise ValueError(f"excited must be lines of at most {_MAX_LINE}, got {excited[-1]}")
     return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
 
 
-def line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
+def _line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
     """Lines as an increasing int array, or a refusal."""
     array = np.asarray(lines)
     if array.ndim != 1:
@@ -112,7 +112,7 @@ def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) ->
         left_out = odd[4 * np.arange(groups) + rng.integers(0, 4, size=groups)]
         excited = np.setdiff1d(odd, left_out, assume_unique=True)
     else:
-        residues, modulus = RESIDUES[kind]
+        residues, modulus = _RESIDUES[kind]
         band = np.arange(first, last + 1)
         excited = band[np.isin(band % modulus, residues)]
     return LineGrid(excited=excited)
@@ -134,10 +134,10 @@ def recognise_kind(excited: np.ndarray) -> str:
     # 8k+1, 8k+3, or the same pattern begun at another odd line: steps of 2 and 6 in turn
     if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
         return "special-odd"
-    return "random-odd" if is_special_odd(excited) else "custom"
+    return "random-odd" if _is_special_odd(excited) else "custom"
 
 
-def is_special_odd(excited: np.ndarray) -> bool:
+def _is_special_odd(excited: np.ndarray) -> bool:
     """Return whether odd lines fall into groups of four consecutive ones, each with one line missing."""
     index = (excited - excited[0]) // 2
     if index[-1] < 8:
@@ -158,11 +158,11 @@ def local_mean(x: np.ndarray, n: int) -> np.ndarray:
     end = half + 1 + size
     np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
     total[..., end:] = total[..., end - 1 : end]
-    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / neighbour_counts(size, half))
+    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / _neighbour_counts(size, half))
 
 
 @lru_cache(maxsize=64)
-def neighbour_counts(size: int, half: int) -> np.ndarray:
+def _neighbour_counts(size: int, half: int) -> np.ndarray:
     """Return (size,) how many entries stand within `half` of each."""
     centre = np.arange(size)
     return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)

@@ -269,19 +269,19 @@ def multisine(
     first, last = band_lines(
         fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
     )
-    grid = grid_in_band(kind, lines, first=first, last=last, rng=rng)
+    grid = _grid_in_band(kind, lines, first=first, last=last, rng=rng)
     if n_log is not None:
-        grid = thin_grid(grid, require_integer("n_log", n_log, least=2))
+        grid = _thin_grid(grid, require_integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
     if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
         raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
-    shape = relative_amplitudes(amplitude, f, n_inputs)
+    shape = _relative_amplitudes(amplitude, f, n_inputs)
     require_choice("design", design, DESIGNS)
     if design == "zippered":
         if mixing is not None:
             raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
         shape = shape * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
-    scaled = shape * (rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
+    scaled = shape * (_rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
     mixed = None if mixing is None else require_real_array("mixing", mixing, ndim=2)
 
     def draw() -> Multisine:
@@ -303,7 +303,7 @@ def multisine(
     return min((draw() for _ in range(n_draws)), key=lambda ms: float(ms.crest_factor.max()))
 
 
-def grid_in_band(
+def _grid_in_band(
     kind: str, lines: LineGrid | np.ndarray | None, *, first: int, last: int, rng: np.random.Generator
 ) -> LineGrid:
     """Return the grid of a kind from the first to the last line of the band, or the one that was given."""
@@ -327,7 +327,7 @@ def grid_in_band(
         ) from None
 
 
-def thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
+def _thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
     """Return the lines of a grid nearest to a logarithmic spacing."""
     excited = grid.excited
     wanted = np.geomspace(excited[0], excited[-1], n_log)
@@ -353,7 +353,7 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
     return first, last
 
 
-def relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
+def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
     """Return the (F,) relative amplitudes of one input at the frequencies f."""
     shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
@@ -368,17 +368,17 @@ def relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarra
     return shape
 
 
-def relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: int) -> np.ndarray:
+def _relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: int) -> np.ndarray:
     """Return the (n_u, F) relative amplitudes of several inputs."""
     given = amplitude(f) if callable(amplitude) else amplitude
     if given is not None and np.ndim(given) == 2:
         if len(given) != n_inputs:
             raise ValueError(f"amplitude must have one row per input ({n_inputs}), got {len(given)}")
-        return np.stack([relative_amplitude(row, f) for row in given])
-    return np.tile(relative_amplitude(given, f), (n_inputs, 1))
+        return np.stack([_relative_amplitude(row, f) for row in given])
+    return np.tile(_relative_amplitude(given, f), (n_inputs, 1))
 
 
-def rms_per_input(rms: float | Sequence[float] | np.ndarray, n_inputs: int) -> np.ndarray:
+def _rms_per_input(rms: float | Sequence[float] | np.ndarray, n_inputs: int) -> np.ndarray:
     """Return (n_u,) root mean square of each input."""
     if np.ndim(rms) == 0:
         return np.full(n_inputs, require_positive("rms", rms))

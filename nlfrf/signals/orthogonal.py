@@ -21,11 +21,11 @@ def draw_phases(shape: tuple[int, int], n_realizations: int, *, design: str, rng
     n_inputs, n_lines = shape
     if n_inputs == 1:
         return rng.uniform(0, 2 * np.pi, size=(n_realizations, n_lines))
-    sets = [set_phases(n_inputs, n_lines, design=design, rng=rng) for _ in range(n_realizations)]
+    sets = [_set_phases(n_inputs, n_lines, design=design, rng=rng) for _ in range(n_realizations)]
     return np.concatenate(sets, axis=1)
 
 
-def set_phases(n_inputs: int, n_lines: int, *, design: str, rng: np.random.Generator) -> np.ndarray:
+def _set_phases(n_inputs: int, n_lines: int, *, design: str, rng: np.random.Generator) -> np.ndarray:
     """Return (n_u, n_u or 1, F) phases of one set: phi_i + psi_e + arg T_ie, all of them from 0 to 2 pi."""
     phi = rng.uniform(0, 2 * np.pi, size=(n_inputs, 1, n_lines))
     if design == "zippered":

@@ -9,7 +9,7 @@ import control
 from nlfrf import Bla
 from nlfrf._base.arguments import short_form
 
-HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
+_HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 
 def is_single(thing: object) -> TypeGuard[Bla]:
@@ -30,17 +30,17 @@ def is_known_on_lines(plant: object) -> bool:
 def require_matrix(name: str, thing: object) -> None:
     """Refuse anything but a `Bla` of several inputs or outputs."""
     if not is_matrix(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {describe_channels(thing)}")
+        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {_describe_channels(thing)}")
 
 
 def require_single(name: str, thing: object) -> None:
     """Refuse anything but a `Bla` of one input and one output."""
     if not is_single(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {describe_channels(thing)}")
+        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {_describe_channels(thing)}")
 
 
-def describe_channels(thing: object) -> str:
+def _describe_channels(thing: object) -> str:
     """Return a value in a refusal: of a `Bla` how many channels it has."""
     if not isinstance(thing, Bla):
-        return short_form(thing) + HINT_FOR_FRF * hasattr(thing, "frdata")
+        return short_form(thing) + _HINT_FOR_FRF * hasattr(thing, "frdata")
     return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"

@@ -40,17 +40,17 @@ from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
 
 #: Number of aliases on either side that are summed one by one: at least, and at most where light modes lie higher.
-MIN_SINGLE_ALIASES, MAX_SINGLE_ALIASES = 12, 200
+_MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES = 12, 200
 #: The aliases beyond them are bounded in blocks: growth of the blocks, and end of the last over the largest root.
-BLOCK_GROWTH, TAIL_START_RATIO = 1.02, 1e4
-MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and one over it
-DOMINANT_RATIO = 1e4  # alias over all others together, from which it is taken from the sampled plant
-MIN_ALIAS_SHARE = 0.003  # of the sum: an alias below it is left out of the worst plant, whose order each raises by two
-LIGHT_DAMPING = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
+_BLOCK_GROWTH, _TAIL_START_RATIO = 1.02, 1e4
+_MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and one over it
+_DOMINANT_RATIO = 1e4  # alias over all others together, from which it is taken from the sampled plant
+_MIN_ALIAS_SHARE = 0.003  # of the sum: an alias below it is left out of the worst plant, whose order each raises by two
+_LIGHT_DAMPING = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
 
 
 @value
-class AliasSums:
+class _AliasSums:
     """Hold the sums over the aliases k != 0 of a frequency, (I,) each.
 
     Fields
@@ -77,7 +77,7 @@ class AliasSums:
 
 
 #: No alias at all.
-NO_ALIASES = AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
+_NO_ALIASES = _AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
 
 
 @value
@@ -123,7 +123,7 @@ class Aliases:
     def light_modes(self) -> np.ndarray:
         """Return the lightly damped poles of plant and weight in the upper half plane [rad/s]."""
         p = np.concatenate([poles(self.plant), poles(self.weight)])
-        return np.asarray(p[(np.abs(p.real) < LIGHT_DAMPING * np.abs(p)) & (p.imag > 0)])
+        return np.asarray(p[(np.abs(p.real) < _LIGHT_DAMPING * np.abs(p)) & (p.imag > 0)])
 
     @cached_property
     def folded_modes(self) -> np.ndarray:
@@ -136,11 +136,11 @@ class Aliases:
     def single_indices(self) -> np.ndarray:
         """Return the numbers (k,) of the aliases k != 0 that are summed one by one."""
         high = self.light_modes.imag.max() if self.light_modes.size else 0.0
-        n = int(np.clip(np.ceil(high / self.spacing) + 2, MIN_SINGLE_ALIASES, MAX_SINGLE_ALIASES))
+        n = int(np.clip(np.ceil(high / self.spacing) + 2, _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES))
         return np.concatenate([np.arange(-n, 0), np.arange(1, n + 1)])
 
     @cached_property
-    def tail_bounds(self) -> AliasSums:
+    def tail_bounds(self) -> _AliasSums:
         """Return upper bounds (1,) of the sums over all other aliases, |h_k| without |sin(omega T/2)|.
 
         Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
@@ -151,14 +151,14 @@ class Aliases:
             F = Magnitude(**roots, gain=F.gain * G.gain)
         first = float(self.single_indices[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
-        end = max(TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)
+        end = max(_TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)
         k = np.unique(
-            np.ceil(first * BLOCK_GROWTH ** np.arange(np.ceil(np.log(end / first) / np.log(BLOCK_GROWTH)) + 1))
+            np.ceil(first * _BLOCK_GROWTH ** np.arange(np.ceil(np.log(end / first) / np.log(_BLOCK_GROWTH)) + 1))
         )
         low, high = (k[:-1] - 0.5) * self.spacing, (k[1:] - 0.5) * self.spacing
         top_G, top_F = G.upper_each(low, high), F.upper_each(low, high)
         last = (k[-1] - 0.5) * self.spacing
-        (c_G, g), (c_F, f) = power_law_bound(G, last), power_law_bound(F, last)
+        (c_G, g), (c_F, f) = _power_law_bound(G, last), _power_law_bound(F, last)
         far_F = c_F * last**-f
 
         def added(top: np.ndarray, c: float, power: int, hold: int) -> np.ndarray:
@@ -175,7 +175,7 @@ class Aliases:
         over_far = far_F / (1 - far_F) if far_F < 1 else np.inf
         with np.errstate(invalid="ignore"):
             over, far = np.where(top_G > 0, top_G * over, 0.0), c_G * over_far if c_G else 0.0
-        return AliasSums(
+        return _AliasSums(
             F=added(top_F, c_F, f, 1),
             G=added(top_G, c_G, g, 1),
             FF=added(top_F**2, c_F**2, 2 * f, 0),
@@ -211,18 +211,18 @@ class Aliases:
         size = np.abs(hG)
         row, largest = np.arange(omega.size), size.argmax(1)
         alone = np.where(np.arange(k.size) == largest[:, None], 0.0, hG)
-        dominant = size[row, largest] > DOMINANT_RATIO * np.abs(alone).sum(1)
+        dominant = size[row, largest] > _DOMINANT_RATIO * np.abs(alone).sum(1)
         hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[dominant].sum(1)
         F = np.abs(hG / hold) if self.F_includes_plant else 1.0
         return h, hG, F * np.abs(w)
 
 
-def multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
+def _multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Return size times total; zero where the size is zero and the total infinite."""
     return np.where(size == 0, 0.0, size * total)
 
 
-def largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return the largest singular value (I,) of [[a, b], [c, d]], all nonnegative."""
     return (np.sqrt((a + d) ** 2 + (b - c) ** 2) + np.sqrt((a - d) ** 2 + (b + c) ** 2)) / 2
 
@@ -249,7 +249,7 @@ class AliasedLoop:
         """Return |sin(omega T/2)| (W,)."""
         return np.sin(np.minimum(self.omega * self.aliases.dt / 2, np.pi / 2))
 
-    def stability_measure(self, others: AliasSums) -> np.ndarray:
+    def stability_measure(self, others: _AliasSums) -> np.ndarray:
         """Return (W,) what is below one where stability is robust: the table above, or a bound (LTI inverse).
 
         For the inverse forms 1 + K G_p is put over 1 + F Delta_0, and every alias moves it by |h_k G_k| |F_k|/(1 -
@@ -260,37 +260,37 @@ class AliasedLoop:
         FKS = self.F[:, 0] * KS
         with np.errstate(invalid="ignore", over="ignore"):
             if not self.aliases.inverse and self.aliases.operator:
-                return np.sqrt(FKS**2 + multiply_or_zero(KS, np.sqrt(others.FF)) ** 2)
+                return np.sqrt(FKS**2 + _multiply_or_zero(KS, np.sqrt(others.FF)) ** 2)
             if not self.aliases.inverse:
-                return self.hold[:, 0] * FKS + multiply_or_zero(KS, others.F)
+                return self.hold[:, 0] * FKS + _multiply_or_zero(KS, others.F)
             own = FS + FKS * others.G
             if not self.aliases.operator:
-                return own + multiply_or_zero(KS + FKS, others.GF)
+                return own + _multiply_or_zero(KS + FKS, others.GF)
             F, G = np.sqrt(others.FF), np.sqrt(others.GG)
             GKS = np.abs(self.hG[:, 0]) * KS
-            return largest_singular_value_2x2(own, GKS * F, c=FKS * G, d=others.F_max + KS * G * F)
+            return _largest_singular_value_2x2(own, GKS * F, c=FKS * G, d=others.F_max + KS * G * F)
 
-    def squared_performance_gain(self, others: AliasSums, *, PS: np.ndarray, scaling: float) -> np.ndarray:
+    def squared_performance_gain(self, others: _AliasSums, *, PS: np.ndarray, scaling: float) -> np.ndarray:
         """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
 
         PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their sizes.
         """
         d, KS, F = scaling**2, np.abs(self.KS), self.F[:, 0]
-        gain = (F * KS) ** 2 + multiply_or_zero(KS**2, others.FF)
-        return np.asarray(gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + multiply_or_zero(PS**2, others.FF)) / d)
+        gain = (F * KS) ** 2 + _multiply_or_zero(KS**2, others.FF)
+        return np.asarray(gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + _multiply_or_zero(PS**2, others.FF)) / d)
 
-    def alias_sums(self, band: tuple[float, float] | None = None) -> AliasSums:
+    def alias_sums(self, band: tuple[float, float] | None = None) -> _AliasSums:
         """Add up the other aliases; only those in a band [rad/s] if given."""
         beyond, inside = self.aliases.tail_bounds, np.ones(1, bool)
         if band is not None:
             at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
-            beyond, inside = NO_ALIASES, (at >= band[0]) & (at <= band[1])
+            beyond, inside = _NO_ALIASES, (at >= band[0]) & (at <= band[1])
         hG, F, sine = np.abs(self.hG[:, 1:]), self.F[:, 1:], self.sin_half_angle
         with np.errstate(divide="ignore", invalid="ignore"):
             over = np.where(F < 1, F / (1 - F), np.inf)
             GF = np.where((hG > 0) & inside, hG * over, 0.0)
         hG, F = hG * inside, F * inside
-        return AliasSums(
+        return _AliasSums(
             F=(self.hold[:, 1:] * F).sum(1) + sine * beyond.F,
             G=hG.sum(1) + sine * beyond.G,
             FF=(F**2).sum(1) + beyond.FF,
@@ -325,15 +325,15 @@ class AliasedLoop:
     def largest_uncertainty_factor(self, least: np.ndarray) -> np.ndarray:
         """Return the largest m (W,) whose return difference is at least `least`, by bisection of log m."""
         low, high = (
-            np.full(least.size, np.log(MIN_UNCERTAINTY_FACTOR)),
-            np.full(least.size, -np.log(MIN_UNCERTAINTY_FACTOR)),
+            np.full(least.size, np.log(_MIN_UNCERTAINTY_FACTOR)),
+            np.full(least.size, -np.log(_MIN_UNCERTAINTY_FACTOR)),
         )
         for _ in range(60):
             middle = (low + high) / 2
             good = self.least_return_difference(np.exp(middle)) >= least
             low, high = np.where(good, middle, low), np.where(good, high, middle)
         return np.where(
-            self.least_return_difference(np.full(least.size, MIN_UNCERTAINTY_FACTOR)) >= least, np.exp(low), 0.0
+            self.least_return_difference(np.full(least.size, _MIN_UNCERTAINTY_FACTOR)) >= least, np.exp(low), 0.0
         )
 
 
@@ -405,14 +405,14 @@ def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies (n,) [rad/s] and phases (n,) of the Delta whose aliases all reduce |1 + L| at one frequency.
 
     Of additive and multiplicative sets: at alias k the loop is moved by K S h_k F_k Delta_k, which is to be negative.
-    Aliases that add less than `MIN_ALIAS_SHARE` of the whole are left out.
+    Aliases that add less than `_MIN_ALIAS_SHARE` of the whole are left out.
     """
     aliases = aliased.aliases
     k = np.concatenate([[0], aliases.single_indices])
     at = aliased.omega[0] + aliases.spacing * k
     w = aliases.responders[1](np.abs(at))
     acts = aliased.KS[0] * np.where(at < 0, w.conj(), w) * (aliased.hG if aliases.F_includes_plant else aliased.h)[0]
-    keep = (np.abs(acts) > MIN_ALIAS_SHARE * np.abs(acts).sum()) | (k == 0)
+    keep = (np.abs(acts) > _MIN_ALIAS_SHARE * np.abs(acts).sum()) | (k == 0)
     phases = np.pi - np.angle(acts[keep])
     return np.abs(at[keep]), np.where(at[keep] < 0, -phases, phases)
 
@@ -420,7 +420,7 @@ def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
 def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) -> RsBreakdown:
     """Split rs, which is `total`, at the one frequency of a loop."""
     aliases, omega = aliased.aliases, float(aliased.omega[0])
-    own = float(aliased.stability_measure(NO_ALIASES)[0])
+    own = float(aliased.stability_measure(_NO_ALIASES)[0])
     member = aliased.hold[:, 0] * aliased.F[:, 0] * np.abs(aliased.KS)
     if aliases.inverse:
         member = aliased.F[:, 0] * np.abs(1 - aliased.hG[:, 0] * aliased.KS)
@@ -447,7 +447,7 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
     )
 
 
-def power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
+def _power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
     """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low far beyond all roots."""
     log = np.sum(np.log1p(np.abs(G.zeros) / low)) - np.sum(np.log1p(-np.abs(G.poles) / low))
     return float(G.gain * np.exp(log)), int(G.poles.size - G.zeros.size)

@@ -85,7 +85,7 @@ class DiskMargin:
         some = ", ".join(str(k + 1) for k in self.channels)
         where = f"channel {some} alone" if len(self.channels) == 1 else f"channels {some} at once"
         return (
-            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {format_margins(self)}, "
+            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {_format_margins(self)}, "
             f"in {where if some else 'all channels at once'}"
         )
 
@@ -136,9 +136,9 @@ class LoopMargins:
         k = int(np.argmin([margin.alpha for margin in alone]))
         name = (*self.input_names, *self.output_names)[k]
         return (
-            f"one loop at a time {format_margins(alone[k])} ({name}); all inputs at once "
-            f"{format_margins(self.all_inputs)}; all outputs "
-            f"{format_margins(self.all_outputs)}; all of them {format_margins(self.everywhere)}"
+            f"one loop at a time {_format_margins(alone[k])} ({name}); all inputs at once "
+            f"{_format_margins(self.all_inputs)}; all outputs "
+            f"{_format_margins(self.all_outputs)}; all of them {_format_margins(self.everywhere)}"
         )
 
     def __str__(self) -> str:
@@ -150,24 +150,24 @@ class LoopMargins:
         rows += [("all inputs", self.all_inputs), ("all outputs", self.all_outputs), ("all of them", self.everywhere)]
         width = max(len(name) for name, _ in rows)
         return "\n".join(
-            f"{name:{width}}  disk margin {margin.alpha:.4g}: {format_margins(margin)}" for name, margin in rows
+            f"{name:{width}}  disk margin {margin.alpha:.4g}: {_format_margins(margin)}" for name, margin in rows
         )
 
 
-def decibels(gain: float) -> float:
+def _decibels(gain: float) -> float:
     """Return 20 log10 of a gain, -inf of none."""
     return float(20 * np.log10(gain)) if gain > 0 else -np.inf
 
 
-def format_margins(margin: DiskMargin) -> str:
+def _format_margins(margin: DiskMargin) -> str:
     """Format the gains [dB] and the phase [deg] of a margin; any gain above 0 where rounding alone bounds it.
 
-    >>> format_margins(disk_margin(control.ss(-1.0, 1.0, 0.1, 0.0)))
+    >>> _format_margins(disk_margin(control.ss(-1.0, 1.0, 0.1, 0.0)))
     'any positive gain, phase 90.0 deg'
     """
     low, high = margin.gain_margin
     free = low < 1e-9 and high > 1e9
-    gains = "any positive gain" if free else f"gain {decibels(low):.2f} to {decibels(high):+.2f} dB"
+    gains = "any positive gain" if free else f"gain {_decibels(low):.2f} to {_decibels(high):+.2f} dB"
     return f"{gains}, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
@@ -214,8 +214,8 @@ def disk_margin(
     """
     skew, n_unstable = require_real("skew", skew), require_integer("n_unstable", n_unstable, least=0)
     S, reason = sensitivity_if_stable(L, n_unstable)
-    return margin_of_sensitivity(
-        S, reason, skew=skew, channels=None if channels is None else checked_channels(S.ninputs, channels)
+    return _margin_of_sensitivity(
+        S, reason, skew=skew, channels=None if channels is None else _checked_channels(S.ninputs, channels)
     )
 
 
@@ -265,11 +265,11 @@ def disk_margins(
     names = (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
-    S, reason = sensitivity_if_stable(loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0))
+    S, reason = sensitivity_if_stable(_loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0))
     skew = require_real("skew", skew)
 
     def of(*channels: int) -> DiskMargin:
-        return margin_of_sensitivity(S, reason, skew=skew, channels=channels)
+        return _margin_of_sensitivity(S, reason, skew=skew, channels=channels)
 
     into, out = range(n_u), range(n_u, n_u + n_y)
     return LoopMargins(
@@ -283,7 +283,7 @@ def disk_margins(
     )
 
 
-def loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
+def _loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
     """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
@@ -302,7 +302,7 @@ def loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.State
     return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
 
 
-def checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
+def _checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     """Return the channels, each checked to be one of n and given once."""
     if not isinstance(channels, Sequence):
         raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {short_form(channels)}")
@@ -312,7 +312,7 @@ def checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     return some
 
 
-def margin_of_sensitivity(
+def _margin_of_sensitivity(
     S: control.StateSpace | control.FrequencyResponseData, reason: str, *, skew: float, channels: Sequence[int] | None
 ) -> DiskMargin:
     """Compute the margin of some channels of a sensitivity; without one where `reason` says why there is none."""
@@ -361,22 +361,22 @@ def smallest_margin(
 def sensitivity_if_stable(
     L: AnySystem, n_unstable: int
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
-    """Return (1 + L)^-1, scaled by `balancing_scales`, and why there is no margin; empty for a stable loop."""
+    """Return (1 + L)^-1, scaled by `_balancing_scales`, and why there is no margin; empty for a stable loop."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
-        require_square_loop(L.noutputs, L.ninputs)
-        one, unit = np.eye(L.ninputs), balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
+        _require_square_loop(L.noutputs, L.ninputs)
+        one, unit = np.eye(L.ninputs), _balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
         B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
         # e = r - L e, closed through one
         P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
         S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
         nominal = decide_stability(S)
         return S, "" if nominal.stable else f"the loop is {nominal}"
-    require_square_loop(L.noutputs, L.ninputs)
+    _require_square_loop(L.noutputs, L.ninputs)
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():
         raise ValueError("L must have a finite FRF on every line, got nan or infinite numbers")
-    unit = balancing_scales(np.asarray(L.frdata))
+    unit = _balancing_scales(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     turns, clear = winding_of_matrix(omega, difference, n_unstable)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
@@ -397,7 +397,7 @@ def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int
     return winding_number(omega, whole, K=static, dt=0.0, readings=readings)
 
 
-def balancing_scales(L: np.ndarray) -> np.ndarray:
+def _balancing_scales(L: np.ndarray) -> np.ndarray:
     """Return powers of two (n,) that scale the channels of a loop (n, n, W), so that none is far above another.
 
     Margins know no units; a matrix of 1e6 N/m beside 1e-6 m/N would look singular. Where a channel is not reached at
@@ -412,7 +412,7 @@ def balancing_scales(L: np.ndarray) -> np.ndarray:
     return np.asarray(matrix_balance(np.maximum(size, some.min()), permute=False, separate=True)[1][0])
 
 
-def require_square_loop(n_out: int, n_in: int) -> None:
+def _require_square_loop(n_out: int, n_in: int) -> None:
     """Refuse a loop with unequal numbers of inputs and outputs."""
     if n_out != n_in:
         raise ValueError(f"L must have as many inputs as outputs, got {n_in} inputs and {n_out} outputs")

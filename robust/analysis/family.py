@@ -105,7 +105,7 @@ def sample_loops(
     require_parametric(model, "to make plants of")
     n = require_integer("n", n, least=1)
     if not model.is_single:
-        return sample_matrix_loops(model, K, n=n, delay=delay, rng=rng)
+        return _sample_matrix_loops(model, K, n=n, delay=delay, rng=rng)
     loop = assemble_loop(model, K, w_P=None, delay=delay)
     plants = model.sample(n, rng)
     omega = loop.grid(model.omega)
@@ -122,7 +122,7 @@ def sample_loops(
     )
 
 
-def sample_matrix_loops(
+def _sample_matrix_loops(
     model: UncertaintyModel, K: Controller, *, n: int, delay: float, rng: np.random.Generator | int | None
 ) -> LoopFamily:
     """Close the loop around n random plants of several channels."""

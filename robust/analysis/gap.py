@@ -53,7 +53,7 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
     (0.02, 0.8988)
     """
-    first, second = nominal_plant("G1", G1), nominal_plant("G2", G2)
+    first, second = _nominal_plant("G1", G1), _nominal_plant("G2", G2)
     steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not is_constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
@@ -65,10 +65,10 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
     (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
     # the left factors of G2 on the right ones of G1: M2 N1 - N2 M1
     turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
-    distance, _ = hinf_norm(cascade_through(right_1, turned, left_coprime_factors(second, right_2)))
+    distance, _ = hinf_norm(_cascade_through(right_1, turned, _left_coprime_factors(second, right_2)))
     # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
-    A, B, C, D = transpose_system(right_2)
-    inside = zeros(cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)))
+    A, B, C, D = _transpose_system(right_2)
+    inside = zeros(_cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)))
     if int(np.sum(inside.real > 0)) != len(A):
         return 1.0
     return float(min(distance, 1.0))
@@ -105,7 +105,7 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     >>> round(ncf_margin(1.0, 1.0), 6)
     1.0
     """
-    plant, K = nominal_plant("G", G), multivariable("K", K)
+    plant, K = _nominal_plant("G", G), multivariable("K", K)
     if sampling_times_differ(plant, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
     dt = timebase(K) if is_constant(plant) else timebase(plant)
@@ -113,25 +113,25 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     return 1 / norm
 
 
-def nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.StateSpace:
+def _nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.StateSpace:
     """Return the plant, of a set its nominal, as a state space."""
     return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 
 
-def left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:
+def _left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:
     """Return [N M] of G = M^-1 N: the transposed right factors of the transposed plant."""
     if (G.ninputs, G.noutputs) != (1, 1):
-        right, _ = coprime_factors("G2", control.StateSpace(*transpose_system((G.A, G.B, G.C, G.D)), G.dt))
-    return transpose_system(right)
+        right, _ = coprime_factors("G2", control.StateSpace(*_transpose_system((G.A, G.B, G.C, G.D)), G.dt))
+    return _transpose_system(right)
 
 
-def transpose_system(matrices: Matrices) -> Matrices:
+def _transpose_system(matrices: Matrices) -> Matrices:
     """Return the matrices of the transposed transfer matrix."""
     A, B, C, D = matrices
     return A.T, C.T, B.T, D.T
 
 
-def cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> control.StateSpace:
+def _cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> control.StateSpace:
     """Return the series connection of `first`, a constant matrix and `last`."""
     through = control.StateSpace([], [], [], between, 0)
     return in_series(control.StateSpace(*first, 0), through, control.StateSpace(*last, 0))

@@ -45,7 +45,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     at_peak = np.nan if loop.w_P is None else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
     places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
-    proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), rs_breakdown_at_peak(loop, margins)
+    proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), _rs_breakdown_at_peak(loop, margins)
     if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
@@ -67,7 +67,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     )
 
 
-def rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
+def _rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
     """Split the largest rs of a set of continuous plants under a sampled controller; None for any other."""
     if loop.aliases is None:
         return None

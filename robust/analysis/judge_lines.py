@@ -94,7 +94,7 @@ def assemble_on_lines(
     K = state_space("K", K)
     omega, G, form, w, perturbation, W = parts_on_lines(model)
     sampled_frf = frf_sampling_time(model) or None
-    require_usable_frf(omega, G, K, sampled_frf)
+    _require_usable_frf(omega, G, K, sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
         require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
@@ -159,7 +159,7 @@ def assemble_matrix_on_lines(
     K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
     require_shape(K, G.noutputs, G.ninputs)
     delay = require_nonnegative("delay", delay)
-    require_usable_frf(omega, np.asarray(G.frdata), K, frf_sampling_time(G) or None)
+    _require_usable_frf(omega, np.asarray(G.frdata), K, frf_sampling_time(G) or None)
     seen = np.asarray(G.frdata) * hold_and_delay_factor(G, omega, dt=timebase(K), delay=delay)
     return MatrixLoopOnLines(
         G=control.FrequencyResponseData(seen, omega, inputs=G.input_labels, outputs=G.output_labels),
@@ -175,7 +175,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
-    nominal, nothing = stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
+    nominal, nothing = _stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
     reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False)
     margins, np_ = Margins(), nothing
     if nominal is Stability.STABLE:
@@ -201,7 +201,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     )
 
 
-def require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None) -> None:
+def _require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None) -> None:
     """Refuse an FRF that has no finite value somewhere, and a controller of another clock or too slow for the lines."""
     dt = timebase(K)
     if not np.all(omega > 0):
@@ -216,7 +216,7 @@ def require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, 
     require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
 
 
-def stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
+def _stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
     """Return what a winding number says of a loop that has to wind so often."""
     if not clear:
         return Stability.UNDECIDED
@@ -231,7 +231,7 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
     encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
-    nominal = stability_on_lines(encirclements, clear, wanted)
+    nominal = _stability_on_lines(encirclements, clear, wanted)
     has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
     margins = margins_on_lines(loop.curves) if stable else Margins()

@@ -37,14 +37,14 @@ from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 from robust.proofs.search.stability import decide_stability
 
-DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
-MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
+_DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
+_MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 
 
 def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     """Return what is found of a loop by mu, in that form of its set that says most, with the largest |S| over it."""
     found = {form: judge_system(system, effort) for form, system in loop.systems.items()}
-    form = best_form(found)
+    form = _best_form(found)
     taken = replace(found[form], form=form)
     if len(found) > 1:
         taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
@@ -53,10 +53,10 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
         S = set_gain(system.N, system.structure, curve=False)
         margins = replace(taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines)
         taken = replace(taken, margins=margins)
-    return add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
+    return _add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
 
 
-def add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
+def _add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
     """Return findings of a sampled set with the proof that it contains the continuous one, where it is worth one."""
     proofs, proved = found.proofs, False
     if proofs.robustly_stable:
@@ -69,7 +69,7 @@ def add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) ->
     return replace(found, reason=found.reason.replace(SAMPLES_ONLY, ""), proved=sentences[0], not_proved=sentences[1])
 
 
-def best_form(found: dict[str, Findings]) -> str:
+def _best_form(found: dict[str, Findings]) -> str:
     """Return the form of which most was proved, then that of the larger margin."""
 
     def established(form: str) -> tuple[bool, bool, float]:
@@ -93,16 +93,16 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
             proved=NOTHING_PROVED,
             not_proved=NO_MU,
         )
-    curves, parameters = bound_curves(system, omega)
-    broken, worst = find_worst_perturbation(system, curves, parameters)
+    curves, parameters = _bound_curves(system, omega)
+    broken, worst = _find_worst_perturbation(system, curves, parameters)
     certificates: tuple[Certificate, ...] = ()
     if effort.certify and curves.peak < 1 and not broken <= 1:
-        certificates = prove_stability_and_performance(system, curves, effort.solver)
+        certificates = _prove_stability_and_performance(system, curves, effort.solver)
     still_open, cut = effort.certify and broken > 1 and not any(one.holds for one in certificates), None
     if still_open or effort.gap:
-        cut = subdivide_parameters(system, DEFAULT_GAP if effort.gap is None else effort.gap)
+        cut = _subdivide_parameters(system, _DEFAULT_GAP if effort.gap is None else effort.gap)
     if cut is not None:
-        broken, worst, certificates = apply_parameter_margin(
+        broken, worst, certificates = _apply_parameter_margin(
             system, cut, broken=broken, worst=worst, certificates=certificates
         )
     proofs = Proofs(
@@ -138,23 +138,23 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     )
 
 
-def bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:
+def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:
     """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
     first, known = refine_grid(system.loop, system.structure, omega=omega)
-    parameters = find_parameter_crossing(system, first, peak=float(known.max()))
+    parameters = _find_parameter_crossing(system, first, peak=float(known.max()))
     omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
         seen, rp_seen = refine_grid(system.N, system.with_performance, omega=omega)
         omega = np.union1d(omega, seen)
-        rp = complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen))
-    mu = complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
+        rp = _complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen))
+    mu = _complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     return MuCurves(omega=omega, mu=mu, mu_rp=rp), parameters
 
 
-def complete_bounds(
+def _complete_bounds(
     N: control.StateSpace,
     blocks: Blocks,
     *,
@@ -171,14 +171,14 @@ def complete_bounds(
     return found
 
 
-def prove_stability_and_performance(
+def _prove_stability_and_performance(
     system: UncertainSystem, curves: MuCurves, solver: str | None
 ) -> tuple[Certificate, ...]:
     """Prove stability, and performance where stability is proved and the grid does not contradict it."""
-    stability = prove_bound(system, system.loop, blocks=system.structure, subject="robust stability", solver=solver)
+    stability = _prove_bound(system, system.loop, blocks=system.structure, subject="robust stability", solver=solver)
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
-    performance = prove_bound(
+    performance = _prove_bound(
         system,
         system.N,
         blocks=system.with_performance,
@@ -188,7 +188,7 @@ def prove_stability_and_performance(
     return stability, performance
 
 
-def subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin | None:
+def _subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin | None:
     """Subdivide the box of real parameters until proof and counter-example meet; None without real ones.
 
     The scalings on each part change with frequency, which says nothing of nonlinear perturbations.
@@ -199,7 +199,7 @@ def subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin
     return parameter_margin(system.loop, system.structure, gap=gap)
 
 
-def apply_parameter_margin(
+def _apply_parameter_margin(
     system: UncertainSystem,
     cut: ParameterMargin,
     *,
@@ -217,7 +217,7 @@ def apply_parameter_margin(
     return broken, worst, certificates
 
 
-def find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak: float) -> Crossing | None:
+def _find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak: float) -> Crossing | None:
     """Find real parameters that break the loop: they do so between the lines of any grid, where mu misses them."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
@@ -232,11 +232,11 @@ def find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak:
         system.loop,
         block_structure("blocks", blocks),
         least=1 / least,
-        limit=min(2 / max(peak, 1e-300), MAX_PARAMETER_RATIO / least),
+        limit=min(2 / max(peak, 1e-300), _MAX_PARAMETER_RATIO / least),
     )
 
 
-def find_worst_perturbation(
+def _find_worst_perturbation(
     system: UncertainSystem, curves: MuCurves, parameters: Crossing | None
 ) -> tuple[float, dict[str, float] | None]:
     """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
@@ -255,7 +255,7 @@ def find_worst_perturbation(
     return size, system.perturbation_by_name(delta / size)
 
 
-def prove_bound(
+def _prove_bound(
     system: UncertainSystem,
     N: control.StateSpace,
     *,

@@ -25,7 +25,7 @@ def prove_set_by(loop: Loop, curves: Curves, peak: float, effort: Effort) -> Pro
     exact = prove_set(loop, curves, peak, certify=effort.certify and effort.proof != "lmi")
     if effort.proof == "exact" or not effort.certify or exact.violated or peak >= 1:
         return exact
-    found = certificates_by_lmi(loop, effort.solver)
+    found = _certificates_by_lmi(loop, effort.solver)
     stable = found[0].holds
     return replace(
         exact,
@@ -35,7 +35,7 @@ def prove_set_by(loop: Loop, curves: Curves, peak: float, effort: Effort) -> Pro
     )
 
 
-def certificates_by_lmi(loop: Loop, solver: str | None) -> tuple[Certificate, ...]:
+def _certificates_by_lmi(loop: Loop, solver: str | None) -> tuple[Certificate, ...]:
     """Return the certificate of stability, and of performance where it is asked for and stability holds."""
     if reason := loop.reason_against_system:
         return (failed_certificate(STABILITY, 1.0, reason),)

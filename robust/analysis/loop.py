@@ -34,10 +34,10 @@ from robust.proofs.exact.stability import decide_loop_stability
 from robust.proofs.search.intervals import poles_are_uncertain, trusted_responder
 from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 
-CONTINUOUS_CONTROLLER = (
+_CONTINUOUS_CONTROLLER = (
     "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
 )
-MAX_STATES = 600  # of a plant with its delay line
+_MAX_STATES = 600  # of a plant with its delay line
 
 
 @value
@@ -239,9 +239,9 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
     dt = dt_G or dt_K
-    if G.nstates + K.nstates + (delay / dt if dt else 0) > MAX_STATES:
+    if G.nstates + K.nstates + (delay / dt if dt else 0) > _MAX_STATES:
         raise ValueError(
-            f"delay must leave at most {MAX_STATES} states in the loop, got {delay:g} s"
+            f"delay must leave at most {_MAX_STATES} states in the loop, got {delay:g} s"
             + (f" of {dt:g} s each sample" if dt else "")
             + f" around {G.nstates + K.nstates} states. A slower sampling time has a shorter delay line."
         )
@@ -250,7 +250,7 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
         if sampling_times_differ(K, G):
             raise ValueError(
                 f"K must have the sampling time of the nominal model, {dt_G:g} s, "
-                + (f"got {dt_K:g} s" if dt_K else CONTINUOUS_CONTROLLER.format(dt_G))
+                + (f"got {dt_K:g} s" if dt_K else _CONTINUOUS_CONTROLLER.format(dt_G))
             )
         dt = dt_G
         short, shift = G, delay_samples("delay", delay, dt) * dt

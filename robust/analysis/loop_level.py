@@ -73,7 +73,7 @@ class NoiseSignal:
     def __post_init__(self) -> None:
         require_nonnegative("rms", self.rms)
         require_nonnegative("omega_min", self.omega_min)
-        if not np.isnan(require_real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
+        if not np.isnan(_require_real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
             raise ValueError(f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got {self.omega_max:g}")
 
 
@@ -148,21 +148,21 @@ class LoopSignals:
         return {name: signal for name, signal in every.items() if signal is not None}
 
 
-def require_real_or_nan(name: str, number: object) -> float:
+def _require_real_or_nan(name: str, number: object) -> float:
     """Return a real number, or nan for one that was not given."""
     return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
 
 
 #: Factor by which a level may lie outside the measured ones and still count as one of them: one record has one
 #: level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
-LEVEL_TOLERANCE = 1.5
+_LEVEL_TOLERANCE = 1.5
 #: A step as the sinusoid of the same swing: the friction of a swing is that of its amplitude (describing functions).
-RMS_OF_SWING = 1 / np.sqrt(8)
+_RMS_OF_SWING = 1 / np.sqrt(8)
 #: Share of the power in the measured band from which on the report does not mention the rest.
-MIN_SHARE_IN_BAND = 0.5
+_MIN_SHARE_IN_BAND = 0.5
 #: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense around every mode.
-PANEL_NODES, PANELS = 7, 4
-WIDE = 200  # further frequencies, over nine decades below the end of a noise
+_PANEL_NODES, _PANELS = 7, 4
+_WIDE = 200  # further frequencies, over nine decades below the end of a noise
 
 
 class LevelState(enum.Enum):
@@ -191,7 +191,7 @@ class LevelState(enum.Enum):
 
 
 @value
-class SignalLevel:
+class _SignalLevel:
     """What one signal of a loop does to the plant.
 
     Fields
@@ -264,7 +264,7 @@ class LoopLevel:
     (0.5, 'unknown')
     """
 
-    signals: tuple[SignalLevel, ...]
+    signals: tuple[_SignalLevel, ...]
     u: float
     y: float
     u_worst: float
@@ -290,35 +290,35 @@ class LoopLevel:
 
     def __str__(self) -> str:
         top, _, bottom = self.unit.rpartition("/")
-        parts = [describe_rms(self, name, unit.removeprefix("1")) for name, unit in (("u", bottom), ("y", top))]
-        return f"{'; '.join(parts)}. {describe_consequence(self.u_state, self.y_state)}"
+        parts = [_describe_rms(self, name, unit.removeprefix("1")) for name, unit in (("u", bottom), ("y", top))]
+        return f"{'; '.join(parts)}. {_describe_consequence(self.u_state, self.y_state)}"
 
 
-HOLDS = "The set was measured at this level, not at those below it that the loop passes as it comes to rest."
-LEAVES = (
+_HOLDS = "The set was measured at this level, not at those below it that the loop passes as it comes to rest."
+_LEAVES = (
     "The set was not measured at this level, and its verdict says nothing of the machine there. Measure there too, and "
     "give all levels to uncertainty."
 )
-DISAGREES = (
+_DISAGREES = (
     "Input and output disagree, as the loop has another spectrum than the record had: the set was not measured at this "
     "level. Measure with the spectrum of the loop, or at levels that hold both."
 )
-NOT_KNOWN = (
+_NOT_KNOWN = (
     "The levels that were measured are not known, so nothing is said of them. Make the model anew from its records, or "
     "give them as bla."
 )
 
 
-def describe_consequence(u: LevelState, y: LevelState) -> str:
+def _describe_consequence(u: LevelState, y: LevelState) -> str:
     """Return what the states of input and output mean together for the set."""
     if LevelState.UNKNOWN in (u, y):
-        return NOT_KNOWN
+        return _NOT_KNOWN
     if u is not y:
-        return DISAGREES
-    return HOLDS if u is LevelState.INSIDE else LEAVES
+        return _DISAGREES
+    return _HOLDS if u is LevelState.INSIDE else _LEAVES
 
 
-def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
+def _describe_rms(level: LoopLevel, name: str, unit: str) -> str:
     """Describe the level at one end of the plant: predicted, measured, and how far apart."""
     rms, worst, state = (getattr(level, f"{name}{part}") for part in ("", "_worst", "_state"))
     low, high = getattr(level, f"{name}_measured")
@@ -331,7 +331,7 @@ def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
         far = "" if state is LevelState.INSIDE else f"{times:.3g} times "
         text += f", {far}{state.value} {measured}"
     share = level.share_in_band(name)
-    if share < MIN_SHARE_IN_BAND:
+    if share < _MIN_SHARE_IN_BAND:
         text += f", {100 * (1 - share):.0f} % of its power outside the measured band, where the plant is assumed"
     return text
 
@@ -397,11 +397,11 @@ def predict_level(
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
     found = tuple(
-        step_level(name, signal, loop) if isinstance(signal, StepSignal) else noise_level(name, signal, loop)
+        _step_level(name, signal, loop) if isinstance(signal, StepSignal) else _noise_level(name, signal, loop)
         for name, signal in signals.named().items()
     )
     totals = {part: hypot(*(getattr(one, part) for one in found)) for part in ("u", "y", "u_worst", "y_worst")}
-    measured = measured_levels(model, bla)
+    measured = _measured_levels(model, bla)
     return LoopLevel(
         signals=found,
         **totals,
@@ -418,7 +418,7 @@ def require_one_channel_loop(model: object) -> None:
     require_one_channel(model, "simulate its loop (nlfrf.rig.run)", "for its level in a loop")
 
 
-def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
+def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
     """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan where one is not known."""
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.records]
@@ -436,43 +436,43 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
     """Return where a level lies against the lowest and the highest measured."""
     if np.isnan([rms, low, high]).any():
         return LevelState.UNKNOWN
-    if rms > high * LEVEL_TOLERANCE:
+    if rms > high * _LEVEL_TOLERANCE:
         return LevelState.ABOVE
-    return LevelState.BELOW if rms < low / LEVEL_TOLERANCE else LevelState.INSIDE
+    return LevelState.BELOW if rms < low / _LEVEL_TOLERANCE else LevelState.INSIDE
 
 
-def step_level(name: str, signal: StepSignal, loop: Loop) -> SignalLevel:
+def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
     """Return what a step does to plant input and output of the nominal loop, as the sinusoid of the same swing."""
-    system, rms = loop_to_plant_signals(loop, name), np.full(2, np.nan)
+    system, rms = _loop_to_plant_signals(loop, name), np.full(2, np.nan)
     if is_stable(system):  # else the approximation of a delay, in a loop that is stable with the delay itself
         _, out = simulate_step(system)
         swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
-        rms = np.abs(float(signal.height)) * swing * RMS_OF_SWING
-    return SignalLevel(name=name, u=float(rms[0]), y=float(rms[1]))
+        rms = np.abs(float(signal.height)) * swing * _RMS_OF_SWING
+    return _SignalLevel(name=name, u=float(rms[0]), y=float(rms[1]))
 
 
-def noise_level(name: str, signal: NoiseSignal, loop: Loop) -> SignalLevel:
+def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
     """Return what noise in a band does to plant input and output: its density times the squared gains, integrated."""
-    low, high = noise_band(name, signal, loop.dt)
-    grid = np.concatenate([loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, WIDE)])
+    low, high = _noise_band(name, signal, loop.dt)
+    grid = np.concatenate([loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, _WIDE)])
     grid = np.concatenate([[low], np.unique(grid[(grid > low) & (grid < high)]), [high]])
-    edges = np.interp(np.arange(PANELS * (grid.size - 1) + 1) / PANELS, np.arange(grid.size), grid)
-    nodes, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
+    edges = np.interp(np.arange(_PANELS * (grid.size - 1) + 1) / _PANELS, np.arange(grid.size), grid)
+    nodes, weights = np.polynomial.legendre.leggauss(_PANEL_NODES)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     at = middle[:, None] + half[:, None] * nodes
-    found = squared_gains(loop.curves(at.ravel()), loop.form, name).reshape(4, *at.shape)
+    found = _squared_gains(loop.curves(at.ravel()), loop.form, name).reshape(4, *at.shape)
     panels = (found * weights).sum(axis=2) * half / (high - low)
     total = panels.sum(axis=1)
     inside = panels[:, (middle > loop.band[0]) & (middle < loop.band[1])].sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = np.where(total > 0, inside / total, np.nan)
     u, y, u_worst, y_worst = (float(signal.rms) * np.sqrt(total)).tolist()
-    return SignalLevel(
+    return _SignalLevel(
         name=name, u=u, y=y, u_worst=u_worst, y_worst=y_worst, u_in_band=float(share[0]), y_in_band=float(share[1])
     )
 
 
-def noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]:
+def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]:
     """Return the band [rad/s] of a noise in a loop; an open end is Nyquist, which nothing may lie above."""
     high = float(signal.omega_max)
     if np.isnan(high):
@@ -489,7 +489,7 @@ def noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]
     return float(signal.omega_min), high
 
 
-def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
+def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     """Return (4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
 
     With S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) it is G_p S_p = S (G + g D)/(1 + b D), which
@@ -511,7 +511,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     return parts**2
 
 
-def loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:
+def _loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:
     """Return the nominal loop from a signal to plant input and output; an rms does not depend on its sign."""
     if name != "disturbance":
         return loop.closed_loop(("u", "y"), ("r",))

@@ -84,7 +84,7 @@ def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None)
 
 
 @value
-class SetGain:
+class _SetGain:
     """The largest gain from inputs to outputs over a set: a curve of upper bounds, the largest of all among them.
 
     Fields
@@ -106,7 +106,7 @@ class SetGain:
         return peak_of(self.omega, self.gain)
 
 
-def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> SetGain:
+def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> _SetGain:
     """Bound the largest gain over a set at all frequencies; the curve is left out but at its largest value if asked."""
     found = bound_set_gain(N, blocks)
     omega = np.array([found.omega])
@@ -114,5 +114,5 @@ def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> Se
         omega = np.union1d(structure_grid(N)[1:], omega)
     gain = gain_bound(response_by_channel(N, omega), blocks)
     if not found.is_proved:
-        return SetGain(omega=omega, gain=gain, n_lines=omega.size)
-    return SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))
+        return _SetGain(omega=omega, gain=gain, n_lines=omega.size)
+    return _SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))

@@ -53,8 +53,8 @@ def stability_claim(
     )
 
 
-TIME_CAP = 10.0  # seconds of the processor for a claim that is made by itself
-TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
+_TIME_CAP = 10.0  # seconds of the processor for a claim that is made by itself
+_TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
 
 
 def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proofs:
@@ -68,15 +68,15 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
         return Proofs(certificates=(), violated=peak >= 1 and not aliased)
     names, scaling, hopeless = [STABILITY], 1.0, ""
     if loop.w_P is not None:
-        hopeless = reason_to_skip_performance(curves, claim) if aliased else ""
+        hopeless = _reason_to_skip_performance(curves, claim) if aliased else ""
         if not hopeless:
             names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
-            scaling = best_operator_scaling(loop, claim, curves) if operator else 1.0
+            scaling = _best_operator_scaling(loop, claim, curves) if operator else 1.0
     names = [ALIASED[name] for name in names] if aliased else names
     claims = [replace(claim, claims=(name,), scaling=scaling if k else 1.0) for k, name in enumerate(names)]
-    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=TIME_CAP_PER_CLAIM * len(names))
+    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=_TIME_CAP_PER_CLAIM * len(names))
     certificates = [
-        certificate_of_claim(found, *each, loop.omega_max)
+        _certificate_of_claim(found, *each, loop.omega_max)
         for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
     ]
     if hopeless:
@@ -100,10 +100,10 @@ def has_worst_gain_below(loop: Loop, level: float) -> bool:
     if loop.aliases is not None and claim.perturbation == "operator":
         return False
     name = PERFORMANCE if loop.aliases is None else ALIASED[PERFORMANCE]
-    return name in verify_loop(replace(claim, claims=(name,)), time_cap=TIME_CAP).proved
+    return name in verify_loop(replace(claim, claims=(name,)), time_cap=_TIME_CAP).proved
 
 
-def reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
+def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
     """Return why no proof of performance with every alias is attempted; empty where one is.
 
     Exact arithmetic has only upper bounds there, and would cut the axis around the frequency where none suffices.
@@ -114,7 +114,7 @@ def reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
     return f"rp reaches {worst}" if worst.value >= 1 else ""
 
 
-def certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
+def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
     """Return the certificate of the one claim, with the claim in it where it holds."""
     (name,) = claim.claims
     if name in found.proved:
@@ -135,7 +135,7 @@ def certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, to
     )
 
 
-def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
+def _best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
     """Find the one scaling of all frequencies with the least gain of an operator's loop (convex in its log)."""
     if loop.aliases is not None:
         point, PS = loop.with_aliases(curves), np.abs(curves.w_P * curves.S)
@@ -144,7 +144,7 @@ def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float
         def largest(log: float) -> float:
             return float(point.squared_performance_gain(others, PS=PS, scaling=float(np.exp(log))).max())
     else:
-        terms = terms_of_curves(curves)
+        terms = _terms_of_curves(curves)
 
         def largest(log: float) -> float:
             left = claim_inequalities(
@@ -157,7 +157,7 @@ def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float
     return float(np.exp(minimize_scalar(largest, bracket=tuple(logs[k - 1 : k + 2])).x))
 
 
-def terms_of_curves(curves: Curves) -> Terms:
+def _terms_of_curves(curves: Curves) -> Terms:
     """Return the terms of exact arithmetic as numbers, to look for a scaling with."""
     assert curves.w_P is not None  # of a loop without a performance weight no scaling is searched
     G, K, W = replace_infinite(curves.G), replace_infinite(curves.K), np.abs(curves.W) ** 2

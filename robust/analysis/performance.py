@@ -22,7 +22,7 @@ from robust.lti.lti import evaluate_transfer, is_constant, is_stable, response_b
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
 
-REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
+_REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
 
 @value
@@ -123,14 +123,14 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
     >>> round(float(np.degrees(seen.phase_margin)), 1)                # 90 deg - atan(1.2496)
     38.7
     """
-    omega, L = check_loop_gain(omega, L)
+    omega, L = _check_loop_gain(omega, L)
     known = np.isfinite(L) & (L != 0)
     x, L = np.log(omega[known]), L[known]
     if x.size < 2:
         return ClassicalMargins()
     size, phase = np.log(np.abs(L)), np.unwrap(np.angle(L))
     found: dict[str, float] = {}
-    at = crossovers = zero_crossings(x, size)
+    at = crossovers = _zero_crossings(x, size)
     if at.size:
         off = np.interp(at, x, phase)
         margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
@@ -138,8 +138,8 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
         found |= {"phase_margin": margin[k], "omega_phase": np.exp(at[k])}
         found["delay_margin"] = ((off + np.pi) % (2 * np.pi) / np.exp(at)).min()
     turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
-    real = [zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
-    if abs(L[-1].imag) < REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:
+    real = [_zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
+    if abs(L[-1].imag) < _REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:
         real.append(x[-1:])
     at = np.unique(np.concatenate([np.zeros(0), *real]))
     factor = np.exp(-np.interp(at, x, size))
@@ -148,14 +148,14 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
             k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
             found |= {"gain_margin" if name == "gain" else "gain_reduction": factor[k], f"omega_{name}": np.exp(at[k])}
     S = np.log(np.abs(1 / (1 + L))) + np.log(2) / 2
-    reached = zero_crossings(x, S)
+    reached = _zero_crossings(x, S)
     if S[0] < 0 and reached.size:
         found["bandwidth"] = np.exp(reached[0])
     numbers = {name: float(number) for name, number in found.items()}
     return ClassicalMargins(crossovers=tuple(np.exp(crossovers).tolist()), **numbers)
 
 
-def check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and loop gain as arrays of one size, or a refusal."""
     omega, L = require_real_array("omega", omega, ndim=1), np.asarray(L)
     if L.shape != omega.shape or L.dtype.kind not in "iufc":
@@ -165,7 +165,7 @@ def check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.nd
     return omega, L
 
 
-def zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the zeros of a piecewise straight line."""
     k = np.flatnonzero((y[:-1] < 0) != (y[1:] < 0))
     return np.asarray(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))
@@ -277,10 +277,10 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
 
 # ---- A step of the reference through a loop: overshoot, rise and settling time, what the actuator has to give.
 
-SETTLING_BAND = 0.02  # of the final value
-MAX_SAMPLES = 60_000  # samples of a sampled loop
-STEPS_PER_RADIAN = 50  # steps of a continuous loop in a radian of its fastest mode
-STEPS_PER_SIZE = 500  # steps before their size doubles
+_SETTLING_BAND = 0.02  # of the final value
+_MAX_SAMPLES = 60_000  # samples of a sampled loop
+_STEPS_PER_RADIAN = 50  # steps of a continuous loop in a radian of its fastest mode
+_STEPS_PER_SIZE = 500  # steps before their size doubles
 
 
 @value
@@ -329,9 +329,9 @@ class StepResponse:
 
     def __str__(self) -> str:
         settled = (
-            f"within {100 * SETTLING_BAND:g} % after {self.settling_time:.3g} s"
+            f"within {100 * _SETTLING_BAND:g} % after {self.settling_time:.3g} s"
             if np.isfinite(self.settling_time)
-            else f"not within {100 * SETTLING_BAND:g} % after {self.t[-1]:.3g} s"
+            else f"not within {100 * _SETTLING_BAND:g} % after {self.t[-1]:.3g} s"
         )
         own = (
             f"goes to {self.final:.4g}, 10 to 90 % in {self.rise_time:.3g} s, overshoot {100 * self.overshoot:.1f} %, "
@@ -377,28 +377,28 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
     horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
     if dt:
-        t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, MAX_SAMPLES))) * dt
-        x = propagate_states(A, B, np.zeros(A.shape[0]), t.size)
+        t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, _MAX_SAMPLES))) * dt
+        x = _propagate_states(A, B, np.zeros(A.shape[0]), t.size)
     else:
-        t, x = simulate_in_growing_steps(system, step=1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
+        t, x = _simulate_in_growing_steps(system, step=1 / (_STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
     return t, C @ x + D
 
 
-def simulate_in_growing_steps(
+def _simulate_in_growing_steps(
     system: control.StateSpace, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate a step of a continuous loop exactly, in steps that double: a fast rise and a slow tail are both seen."""
     t, x = [np.zeros(1)], [np.zeros((system.nstates, 1))]
     while t[-1][-1] < horizon:
-        n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, STEPS_PER_SIZE)) + 1
+        n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, _STEPS_PER_SIZE)) + 1
         held = sampled(system, step)
-        x.append(propagate_states(held.A, held.B, x[-1][:, -1], n)[:, 1:])
+        x.append(_propagate_states(held.A, held.B, x[-1][:, -1], n)[:, 1:])
         t.append(t[-1][-1] + step * np.arange(1, n))
         step *= 2
     return np.concatenate(t), np.hstack(x)
 
 
-def propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
+def _propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
     """Return the states (states, n) of x+ = A x + B from x on, by doubling: m steps on it is A^m x and a constant."""
     found, constant_part = x[:, None], B
     while found.shape[1] < n:
@@ -411,7 +411,7 @@ def measure_step(t: np.ndarray, y: np.ndarray, *, u: np.ndarray, final: float, c
     """Measure overshoot, rise and settling time of a simulated step; cut: leave out what lies long after it settled."""
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)
-    out = np.flatnonzero(np.abs(relative - 1) > SETTLING_BAND)
+    out = np.flatnonzero(np.abs(relative - 1) > _SETTLING_BAND)
     last = int(out[-1]) if out.size else -1
     settled = t[last] + (t[last + 1] - t[last]) if 0 <= last < t.size - 1 else (0.0 if last < 0 else np.nan)
     above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]

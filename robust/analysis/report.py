@@ -27,9 +27,9 @@ from robust.analysis.text import (
 from robust.models.sets.forms import FORMS, loop_discs
 
 #: Change of the gain that is tried against thin margins, and the least share by which |S| has to fall.
-GAIN_STEP, LEAST_GAIN = 0.1, 0.02
+_GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
 #: A design that keeps |S| below a limit on its own grid passes it by less between its frequencies.
-ROUNDING = 0.01
+_ROUNDING = 0.01
 
 
 @value
@@ -133,13 +133,13 @@ class RobustnessReport(Findings):
         def worst(factor: float) -> float:
             return float(np.max(1 / np.maximum(np.abs(1 + factor * L) - factor * loose, 1e-9)))
 
-        tried = {worst(1 + GAIN_STEP): "higher", worst(1 - GAIN_STEP): "lower"}
-        return tried[min(tried)] if min(tried) < (1 - LEAST_GAIN) * worst(1.0) else ""
+        tried = {worst(1 + _GAIN_STEP): "higher", worst(1 - _GAIN_STEP): "lower"}
+        return tried[min(tried)] if min(tried) < (1 - _LEAST_GAIN) * worst(1.0) else ""
 
     @property
     def thin_margins(self) -> str:
         """Return why a loop that is stable with the whole set is close to instability; empty where |S| stays small."""
-        if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + ROUNDING)):
+        if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + _ROUNDING)):
             return ""
         phase = self.classical.phase_margin if self.is_single else None
         return describe_thin_margins(self.margins, self.peak, phase=phase)

@@ -12,11 +12,11 @@ from robust.mu.skewed import skewed_margin
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-GAP = 0.05  # relative distance of what is proved and what was found, to which the box of real parameters is cut
+_GAP = 0.05  # relative distance of what is proved and what was found, to which the box of real parameters is cut
 
 
 @value
-class RobustGain:
+class _RobustGain:
     """Between which factors on all perturbations the gain of a system reaches a level.
 
     Fields
@@ -71,7 +71,7 @@ class RobustGain:
         return "; ".join(filter(None, (text, self.reason)))
 
 
-def robgain(system: UncertainSystem, level: float) -> RobustGain:
+def robgain(system: UncertainSystem, level: float) -> _RobustGain:
     """Find how far the uncertainty may grow until the gain from inputs to outputs reaches a level.
 
     Parameters
@@ -122,11 +122,11 @@ def robgain(system: UncertainSystem, level: float) -> RobustGain:
         control.StateSpace(N.A, N.B, size * N.C, size * N.D, N.dt),
         system.with_performance,
         growing=growing,
-        gap=GAP,
+        gap=_GAP,
     )
     delta = found.delta[: system.loop.ninputs, :rows]
     unstable = f"without a perturbation the system is {nominal}" if nominal.unstable else ""
-    return RobustGain(
+    return _RobustGain(
         level=level,
         proved=0.0 if unstable else found.level,
         broken=0.0 if unstable else found.broken,

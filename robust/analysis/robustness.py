@@ -122,8 +122,8 @@ def check(
         require_choice("solver", solver, SOLVERS)
     if signals is not None:
         require_one_channel_loop(model)
-    loop = assemble(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
-    found = judge(loop, Effort(certify=certify, proof=proof, solver=solver))
+    loop = _assemble(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+    found = _judge(loop, Effort(certify=certify, proof=proof, solver=solver))
     level = None
     if signals is not None and isinstance(loop, Loop) and found.nominally_stable:
         level = predict_level(loop.model, loop.controller, signals, delay=delay)
@@ -136,7 +136,7 @@ def check(
     )
 
 
-def assemble(
+def _assemble(
     model: UncertaintyModel | Bla | control.FrequencyResponseData,
     K: Controller,
     *,
@@ -161,7 +161,7 @@ def assemble(
     return loop
 
 
-def judge(loop: AnyLoop, effort: Effort) -> Findings:
+def _judge(loop: AnyLoop, effort: Effort) -> Findings:
     """Return what the judge of a loop finds: on the lines of an FRF, by mu, or in exact arithmetic."""
     if isinstance(loop, MatrixLoopOnLines):
         return judge_matrix_lines(loop)

@@ -14,7 +14,7 @@ For the two blocks, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <= 1,
 as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). C goes into diagonal weights as a
 measured covariance does. Aliases near the band are taken one by one, what lies beyond is bounded as in `aliases`.
 
-The weights of the sampled set are fitted over these radii on a grid and then raised by `COVERED`, so that they can be
+The weights of the sampled set are fitted over these radii on a grid and then raised by `_COVERED`, so that they can be
 proved to cover every alias at all frequencies (`robust.proofs.exact.folded_sets`): `certify_aliases` does.
 """
 
@@ -45,11 +45,11 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
-COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
-BLOCKS = 1.06  # factor on what the aliases in blocks add, which the proof knows to a twentieth
-FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
-GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins
+_WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
+_COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
+_BLOCKS = 1.06  # factor on what the aliases in blocks add, which the proof knows to a twentieth
+_FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
+_GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins
 
 
 @value
@@ -134,17 +134,17 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
             "fit_nominal(..., dt=)"
         )
     nominal = sampled(model.nominal, dt, delay)
-    omega = sampled_grid(model, nominal, dt)
-    k, tails = alias_indices_and_tails(model, dt)
+    omega = _sampled_grid(model, nominal, dt)
+    k, tails = _alias_indices_and_tails(model, dt)
     if not np.isfinite(tails).all():
         raise ValueError(
             f"model must filter its perturbation before the sampler: above the Nyquist frequency the {model.form} "
             'weights do not fall off, and what folds down has no bound. Take form="input", or a sampled nominal '
             "(fit_nominal(..., dt=))"
         )
-    left, right, share = folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
+    left, right, share = _folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
-    weights = tuple(fit_sampled_weight(omega, row, dt) * COVERED for row in rows)
+    weights = tuple(_fit_sampled_weight(omega, row, dt) * _COVERED for row in rows)
     # on the grid, as that is where they cover: what was measured is of the continuous set
     made = replace(
         model,
@@ -158,10 +158,10 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         records=(),
         origin=replace(model.origin, hold="zoh", fs=1 / dt),
     )
-    return SampledSet(model=made, omega=omega, own_share=share, claim=folded_claim(model, made))
+    return SampledSet(model=made, omega=omega, own_share=share, claim=_folded_claim(model, made))
 
 
-def folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
+def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
     """Return the claim that a sampled set contains a continuous one; each element is a block of its own."""
     left, right, V_left, V_right = (
         tuple(map(to_matrices, weights)) for weights in (model.left, model.right, made.left, made.right)
@@ -185,7 +185,7 @@ def folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim
     return FoldedClaim(dt=timebase(made.nominal), parts=(part,))
 
 
-def sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
+def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
     """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance, those that fold down too."""
     top, step = np.pi / dt, 2 * np.pi / dt
     modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
@@ -193,11 +193,11 @@ def sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float
     lines = model.omega[model.omega < top]
     lines = lines if lines.size else np.array([top / 10])
     found = loop_grid(lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded)
-    found = found[(found >= GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
+    found = found[(found >= _GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
     return np.append(found, top * (1 - 1e-9))
 
 
-def alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def _alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the aliases (k,) summed one by one, 0 first, and bounds of the sums beyond, without |sin(omega T/2)|.
 
     Bounds of sum |h_k w| of every weight of elements, else of every |G_ji w_i| of M_k = G W_l, or |w_j| of W_l.
@@ -213,7 +213,7 @@ def alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndar
     return k, np.array([float(part.tail_bounds.F[0]) for part in parts])
 
 
-def folded_radii(
+def _folded_radii(
     model: UncertaintyModel,
     nominal: control.StateSpace,
     *,
@@ -233,7 +233,7 @@ def folded_radii(
 
     if model.form == ELEMENTS:
         each = hold * sizes(model.right)
-        rows = each.sum(axis=2) + BLOCKS * tails[:, None] * sine
+        rows = each.sum(axis=2) + _BLOCKS * tails[:, None] * sine
         return np.zeros((0, omega.size)), rows, np.min(each[:, :, 0] / rows, axis=0)
     left, right = sizes(model.left), sizes(model.right)
     if model.form == ADDITIVE:
@@ -250,7 +250,7 @@ def folded_radii(
         M = inverse[:, None] @ M
     m = np.linalg.norm(M, 2, axis=(2, 3))
     size = np.linalg.norm(inverse, 2, axis=(1, 2))
-    beyond = BLOCKS * float(tails.sum()) * sine  # of |G W|, by its entries
+    beyond = _BLOCKS * float(tails.sum()) * sine  # of |G W|, by its entries
     C = np.einsum("wk,wkji,wkli->wjl", hold / np.maximum(m, 1e-300), M, M.conj())
     C = C + (beyond / size)[:, None, None] * (inverse @ np.swapaxes(inverse, 1, 2).conj())
     beyond = beyond * size
@@ -263,8 +263,8 @@ def folded_radii(
     return diagonal_bound(C) * scale, R / scale, share
 
 
-def fit_sampled_weight(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
+def _fit_sampled_weight(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
     """Fit a sampled weight over a radius: a number where that is flat."""
-    if radius.max() < FLAT_RATIO * radius.min():
+    if radius.max() < _FLAT_RATIO * radius.min():
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_weight(omega, radius, order=WEIGHT_ORDER, dt=dt).W
+    return fit_weight(omega, radius, order=_WEIGHT_ORDER, dt=dt).W

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 # ---- Meaning of a result and advice on the next step.
 
-REMEDIES = {
+_REMEDIES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
@@ -41,20 +41,22 @@ REMEDIES = {
     "assumed": "what is assumed where nothing was measured: measure there",
 }
 #: How far |T| may be from one where a lower bandwidth leaves it at that, and what is said there.
-NEAR_ONE = 0.1
-ODD_WHERE_T_IS_ONE = (
+_NEAR_ONE = 0.1
+_ODD_WHERE_T_IS_ONE = (
     "Odd distortion, where |T| is near one: a lower bandwidth leaves it there. Identify at the level of the loop, or "
     "at another one; take more realisations, or a better fit; more periods will not help."
 )
 #: What a verdict on a set around a sampled nominal does not cover.
-NONLINEAR_PLANT = "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+_NONLINEAR_PLANT = (
+    "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+)
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 #: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
-USUAL_JOINT = 0.94, 0.99  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
-NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
+_USUAL_JOINT = 0.94, 0.99  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+_NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
-MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
+_MENTIONED_EXCESS, _DECISIVE_EXCESS = 1.26, 2.0
 
 
 def advise_on_margin(
@@ -91,13 +93,13 @@ def advise_on_margin(
             f"({model.origin.extrapolation}) to go on from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
     sentences = [f"The margin is limited at {seen_at}, {where}."]
-    if rise > MENTIONED_EXCESS:
+    if rise > _MENTIONED_EXCESS:
         sentences.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
-    if over > MENTIONED_EXCESS:
+    if over > _MENTIONED_EXCESS:
         sentences.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
-    if rise > DECISIVE_EXCESS or (outside and not shares):
+    if rise > _DECISIVE_EXCESS or (outside and not shares):
         cause = "assumed"
-    elif over > DECISIVE_EXCESS:
+    elif over > _DECISIVE_EXCESS:
         cause = "weight"
     else:
         cause = shares[0][1] if shares else ""
@@ -106,10 +108,10 @@ def advise_on_margin(
             f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow: lower it by "
             "more periods or realisations."
         )
-    elif cause == "odd" and abs(T - 1) < NEAR_ONE:
-        sentences.append(ODD_WHERE_T_IS_ONE)
+    elif cause == "odd" and abs(T - 1) < _NEAR_ONE:
+        sentences.append(_ODD_WHERE_T_IS_ONE)
     elif cause:
-        sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
+        sentences.append(f"{_REMEDIES[cause][0].upper()}{_REMEDIES[cause][1:]}.")
         sentences += ["Or measure there."] * (outside and cause != "assumed")
     return " ".join(sentences)
 
@@ -124,7 +126,7 @@ def advise_on_weight(loop: Loop, margins: Margins) -> str:
     nearest = int(np.argmin(np.abs(np.log(omega / margins.omega_rs))))
     there, on_line = np.abs(loop.responders["w"](np.array([margins.omega_rs])))[0], np.abs(curves.w[nearest])
     if (
-        on_line < MENTIONED_EXCESS * model.radius[nearest] or there > MENTIONED_EXCESS * on_line
+        on_line < _MENTIONED_EXCESS * model.radius[nearest] or there > _MENTIONED_EXCESS * on_line
     ):  # what is assumed outside the band, then
         return ""
     on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
@@ -140,7 +142,7 @@ def advise_on_weight(loop: Loop, margins: Margins) -> str:
     )
 
 
-def describe_set(model: UncertaintyModel) -> str:
+def _describe_set(model: UncertaintyModel) -> str:
     """Describe the set."""
     if model.perturbation == "LTI":
         return f"every stable LTI perturbation inside the {model.form} weight"
@@ -164,13 +166,13 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (f"a whole FRF lies under the weight with {estimated}{compare_joint(joint)}",) if estimated else ()
+        whole = (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",) if estimated else ()
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
 
 
-def compare_joint(joint: float) -> str:
+def _compare_joint(joint: float) -> str:
     """Return how a probability of a whole FRF compares to those of other plants, and what raises a low one."""
-    low, high = USUAL_JOINT
+    low, high = _USUAL_JOINT
     if joint < low:
         return f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) has more"
     return f" (usual: {100 * low:g} to {100 * high:g} %)"
@@ -180,10 +182,10 @@ def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
     """Return what was proved of one loop and what was not, one sentence each."""
     model, missing = loop.model, []
     if model.perturbation == "statistical":
-        missing += [NONLINEAR_PLANT] + ["more than the confidence of the set"] * bool(describe_confidence(model))
+        missing += [_NONLINEAR_PLANT] + ["more than the confidence of the set"] * bool(describe_confidence(model))
     assumed = "anything about the plant outside the measured band beyond the assumption on the weight there ({})"
-    return join_proof_sentences(
-        describe_set(model),
+    return _join_proof_sentences(
+        _describe_set(model),
         proofs,
         missing=[*missing, assumed.format(model.origin.extrapolation)],
         demand=loop.w_P is not None,
@@ -201,8 +203,8 @@ def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded
         "operator": "every causal {}, nonlinear ones included",
     }
     kinds = {name: "real" if one.kind == "real" else one.perturbation for name, one in system.blocks.items()}
-    known = {"real": "parameters that change while the loop runs", "statistical": NONLINEAR_PLANT}
-    return join_proof_sentences(
+    known = {"real": "parameters that change while the loop runs", "statistical": _NONLINEAR_PLANT}
+    return _join_proof_sentences(
         f"{' and '.join(words[kind].format(name) for name, kind in kinds.items())}, all at once",
         proofs,
         missing=[text for kind, text in known.items() if kind in kinds.values()],
@@ -212,7 +214,7 @@ def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded
     )
 
 
-def join_proof_sentences(
+def _join_proof_sentences(
     perturbations: str, proofs: Proofs, *, missing: list[str], demand: bool, dt: float, folded: bool
 ) -> tuple[str, str]:
     """Return what was proved with these perturbations, and what was not besides what is missing."""
@@ -244,18 +246,18 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
         else "what folds down from the aliases"
     )
     rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
-    if found.total - found.without_aliases < NEGLIGIBLE_SHARE * found.total:
-        text = f"{other} adds less than {100 * NEGLIGIBLE_SHARE:g} % to {rs}"
+    if found.total - found.without_aliases < _NEGLIGIBLE_SHARE * found.total:
+        text = f"{other} adds less than {100 * _NEGLIGIBLE_SHARE:g} % to {rs}"
     else:
         text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest is {other}"
         if found.omega_source != found.omega:
             text += f", most of it from {format_hertz(found.omega_source)}"
-    if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
+    if found.total - found.in_band < _NEGLIGIBLE_SHARE * found.total:
         return f"{text}; nearly all of it comes from measured lines"
     return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
-def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
+def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     """Return why the aliases keep a loop from being certified, and what helps."""
     if not found.is_bounded:
         return (
@@ -329,7 +331,7 @@ def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBr
     """Return the reason of the verdict on one loop whose nominal is stable."""
     if folding is not None and folding.total >= 1:
         if folding.single_frequency < 1:
-            return advise_on_aliases(folding, loop.model)
+            return _advise_on_aliases(folding, loop.model)
         size, where = folding.single_frequency, format_hertz(folding.omega)
         return f"a plant of the set is unstable in this loop: rs = {size:.4g} at {where}"
     if proofs.violated:
@@ -343,10 +345,10 @@ def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBr
             "statistical": "the loop is stable with every linear plant of the set",
         }
         return reason[loop.model.perturbation] + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
-    return explain_open(f"rs stays below {margins.largest_rs:.4g} on the grid", proofs, certify)
+    return _explain_open(f"rs stays below {margins.largest_rs:.4g} on the grid", proofs, certify)
 
 
-def explain_open(below: str, proofs: Proofs, certify: bool) -> str:
+def _explain_open(below: str, proofs: Proofs, certify: bool) -> str:
     """Return why a verdict is open where the curve stays below one: no proof was asked for, or none was found."""
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
@@ -406,7 +408,7 @@ def explain_mu(
         reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
         return f"{reached}, but no perturbation was found that breaks the loop{parts}"
-    return explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
+    return _explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
 
 
 # ---- The sentences of a report's own numbers.

@@ -41,7 +41,7 @@ from robust.mu.perturbations import lower
 from robust.mu.scalings import refine_grid
 from robust.proofs.search.stability import decide_stability
 
-LEVEL_MARGIN = 1e-4  # of a largest gain of one channel, by which the level that is proved lies above it
+_LEVEL_MARGIN = 1e-4  # of a largest gain of one channel, by which the level that is proved lies above it
 
 
 @value
@@ -144,7 +144,7 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     """
     require_parametric(model, "to make plants of")
     if not model.is_single:
-        return worst_case_matrix(model, K, w_P=w_P, delay=delay)
+        return _worst_case_matrix(model, K, w_P=w_P, delay=delay)
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
@@ -155,9 +155,9 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     if peak_b < 1:
         where = loop.peak(lambda points: loop.curves(points).worst_performance, omega, band)[1]
     there = loop.curves(where)
-    phased = phases_of_aliases(loop, where)
+    phased = _phases_of_aliases(loop, where)
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
-    delta *= np.exp(1j * where * perturbation_lead(loop, delay)) / max(1.0, abs(delta))
+    delta *= np.exp(1j * where * _perturbation_lead(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].phase_offset(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
@@ -174,7 +174,7 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     S = perturbed_sensitivity(plant, seen, loop, at)
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     gain = loop.curves(omega).worst_performance
-    level = float(gain.max()) * (1 + LEVEL_MARGIN)
+    level = float(gain.max()) * (1 + _LEVEL_MARGIN)
     proved = np.isinf(level) or has_worst_gain_below(loop, level)
     return WorstCase(
         omega=omega,
@@ -255,7 +255,7 @@ def step_response(
     return replace(step, worst=step_of_plant(worst.plant, K, delay=left, duration=duration, reference=reference))
 
 
-def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Return frequencies and phases of the worst Delta at omega [rad/s] where aliases count; None where they do not.
 
     In an inverse form the worst plant is that of the frequency itself.
@@ -266,7 +266,7 @@ def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray]
     return found if found[0].size > 1 else None
 
 
-def perturbation_lead(loop: Loop, delay: float) -> float:
+def _perturbation_lead(loop: Loop, delay: float) -> float:
     """Return the time [s] by which Delta of the plant leads Delta of `Curves`, which acts after delay and hold."""
     lag = delay + (loop.dt / 2 if loop.continuous_plant is not None else 0.0)
     return FORMS[loop.form].delay_order * lag
@@ -279,11 +279,11 @@ def perturbation_lead(loop: Loop, delay: float) -> float:
 # one number a block. An all-pass of first order takes any phase at one frequency and has one gain at all of them, so a
 # vector of all-passes carries each direction, and the perturbation is no larger anywhere else.
 
-BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
-N_PEAKS = 3  # frequencies at which the worst perturbation is searched
+_BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+_N_PEAKS = 3  # frequencies at which the worst perturbation is searched
 
 
-def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
+def _worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
     """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
@@ -294,15 +294,15 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
     except ValueError:  # nothing breaks the loop
         broken = None
     if broken is not None and broken.size <= 1:
-        where, Delta, stable = broken.omega, scale_system(broken.Delta, broken.size), False
+        where, Delta, stable = broken.omega, _scale_system(broken.Delta, broken.size), False
     else:
         dt = timebase(model.nominal)
         found = []
-        peaks = np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt)))
+        peaks = np.unique(np.clip(omega[np.argsort(-gain)[:_N_PEAKS]], *_phase_band(omega, dt)))
         deltas = worst_gain(system.N, system.structure, peaks).delta
         for k, at in enumerate(peaks):
-            one = interpolate_perturbation(deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS)
-            found.append((performance_gain(system, one, float(at)), float(at), one))
+            one = _interpolate_perturbation(deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS)
+            found.append((_performance_gain(system, one, float(at)), float(at), one))
         _, where, Delta = max(found, key=lambda one: one[0])
         stable = decide_stability(upper_lft(system.N, Delta)).stable
     return WorstCase(
@@ -311,29 +311,29 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
         omega_worst=where,
         plant=model.perturbed(Delta),
         delta=response_by_channel(Delta, np.array([where]))[:, :, 0],
-        achieved=performance_gain(system, Delta, where),
+        achieved=_performance_gain(system, Delta, where),
         stable=stable,
         n_lines=largest.n_lines,
     )
 
 
-def performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
+def _performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
     """Return the largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
     return float(np.linalg.norm(response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2))
 
 
-def scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
+def _scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
     """Return size times a system."""
     return control.StateSpace(Delta.A, Delta.B, size * Delta.C, size * Delta.D, Delta.dt)
 
 
-def phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
+def _phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
     """Return the frequencies [rad/s] between which an all-pass can have any phase: not at zero, not at Nyquist."""
-    return BAND_EDGE_RATIO * float(omega[omega > 0].min()), np.pi / dt * (1 - BAND_EDGE_RATIO) if dt else np.inf
+    return _BAND_EDGE_RATIO * float(omega[omega > 0].min()), np.pi / dt * (1 - _BAND_EDGE_RATIO) if dt else np.inf
 
 
 @value
-class BreakingPerturbation:
+class _BreakingPerturbation:
     """A perturbation of a set of several channels that puts a pole of the loop on the stability boundary.
 
     Fields
@@ -371,10 +371,10 @@ class BreakingPerturbation:
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """Return the plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        return self.model.perturbed(scale_system(self.Delta, require_real("factor", factor) * self.size))
+        return self.model.perturbed(_scale_system(self.Delta, require_real("factor", factor) * self.size))
 
 
-def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPerturbation:
+def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPerturbation:
     """Find a smallest destabilising perturbation of the loop u = K (r - y), to simulate it or try it on a machine.
 
     Parameters
@@ -421,38 +421,38 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPer
     omega, mu = refine_grid(N, system.structure, omega=structure_grid(N))
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
-    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *phase_band(omega, dt)))
+    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *_phase_band(omega, dt)))
     found = lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")
     assert found.delta is not None  # of a lower bound
     delta = found.delta[:, :, k] * found.value[k]  # of gain one
-    return BreakingPerturbation(
+    return _BreakingPerturbation(
         size=float(1 / found.value[k]),
         omega=float(some[k]),
-        Delta=interpolate_perturbation(delta, float(some[k]), dt, full=model.form != ELEMENTS),
+        Delta=_interpolate_perturbation(delta, float(some[k]), dt, full=model.form != ELEMENTS),
         model=model,
     )
 
 
-def interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
+def _interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
     """Return a stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
     if not full:
-        return all_passes(np.diag(delta), omega, dt)
+        return _all_passes(np.diag(delta), omega, dt)
     U, sizes, Vh = np.linalg.svd(delta)
     into, out = Vh[0] * sizes[0], U[:, 0]
     add = control.StateSpace([], [], [], np.ones((1, into.size)), dt)
     spread = control.StateSpace([], [], [], np.ones((out.size, 1)), dt)
     return in_series(
-        all_passes(into, omega, dt),
+        _all_passes(into, omega, dt),
         add,
         spread,
-        all_passes(out, omega, dt),
+        _all_passes(out, omega, dt),
         dt=dt,
     )
 
 
-def all_passes(numbers: np.ndarray, omega: float, dt: float) -> control.StateSpace:
+def _all_passes(numbers: np.ndarray, omega: float, dt: float) -> control.StateSpace:
     """Return all-passes of first order side by side that equal these complex numbers at omega."""
     return block_diagonal([with_phase(omega, complex(number), dt) for number in numbers], dt)

@@ -56,7 +56,7 @@ class AnyFriction:
     def description(self) -> str:
         """Which laws these are."""
         if self.kind == "Maxwell slip":
-            return describe_maxwell_slip((self,), ("",))
+            return _describe_maxwell_slip((self,), ("",))
         if self.kind == "bristle":
             return (
                 f"friction of bristles up to {self.K0 / 1e3:.4g} {self.units.stiffness} stiff, with a damping of "
@@ -129,10 +129,10 @@ class FrictionAtPorts:
     @property
     def description(self) -> str:
         """Which laws these are."""
-        return describe_maxwell_slip(self.ports, [f" at {name}" for name in self.names])
+        return _describe_maxwell_slip(self.ports, [f" at {name}" for name in self.names])
 
 
-def describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) -> str:
+def _describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) -> str:
     """Describe Maxwell slip at each port; places : where it acts, in words that follow a number."""
     units, bristle_time = ports[0].units, max(port.bristle_time for port in ports)
     at = list(zip(ports, places, strict=True))
@@ -190,7 +190,7 @@ def any_maxwell_slip(
     return AnyFriction(
         kind="Maxwell slip",
         K0=require_positive("K0", K0),
-        stiction=require_ratio(stiction),
+        stiction=_require_ratio(stiction),
         bristle_time=require_nonnegative("bristle_time", bristle_time),
         position_unit=position_unit,
     )
@@ -237,7 +237,7 @@ def any_bristle(
     return AnyFriction(
         kind="bristle",
         K0=require_positive("K0", K0),
-        stiction=require_ratio(stiction),
+        stiction=_require_ratio(stiction),
         microdamping=require_nonnegative("microdamping", microdamping),
         position_unit=position_unit,
     )
@@ -315,7 +315,7 @@ def any_passive(*, position_unit: str = "m") -> AnyFriction:
     return AnyFriction(kind="passive", position_unit=position_unit)
 
 
-def require_ratio(stiction: float) -> float:
+def _require_ratio(stiction: float) -> float:
     """Return a ratio of at least one, or refuse it."""
     stiction = require_real("stiction", stiction)
     if stiction < 1:

@@ -19,7 +19,7 @@ from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
 
 #: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
-OSCILLATORY_TOLERANCE = 1e-9
+_OSCILLATORY_TOLERANCE = 1e-9
 
 
 def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str]:
@@ -34,7 +34,7 @@ def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str
         return (G,), f"the machine that was given ({G.description})"
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))
-    description = f"a nominal of order {G.nstates}, {describe_modal_damping(G)}"
+    description = f"a nominal of order {G.nstates}, {_describe_modal_damping(G)}"
     return tuple(replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))), description
 
 
@@ -59,7 +59,7 @@ def undamped(G: control.StateSpace) -> FrictionPlant:
     (True, 282.843)
     """
     G, delay = without_pade(G)
-    p, z = undamped_roots(poles(G)), undamped_roots(zeros(G))
+    p, z = _undamped_roots(poles(G)), _undamped_roots(zeros(G))
     omega = 1e3 * np.abs(p).max()  # far above every root both behave as gain/s^excess
     far = 1j * omega
     gain = response(G, np.array([omega]))[0] * np.prod(far - poles(G)) / np.prod(far - zeros(G))
@@ -71,7 +71,7 @@ def undamped(G: control.StateSpace) -> FrictionPlant:
     )
 
 
-def undamped_roots(roots: np.ndarray) -> np.ndarray:
+def _undamped_roots(roots: np.ndarray) -> np.ndarray:
     """Return the roots without damping: pairs that oscillate on the imaginary axis, real roots in pairs.
 
     Small to large.
@@ -79,7 +79,7 @@ def undamped_roots(roots: np.ndarray) -> np.ndarray:
     Two real roots are a mode with so much damping that it does not swing, as a free mass whose friction slides. An odd
     one is left as it is: that of an amplifier.
     """
-    swings = np.abs(roots.imag) > OSCILLATORY_TOLERANCE * np.abs(roots).max(initial=0.0)
+    swings = np.abs(roots.imag) > _OSCILLATORY_TOLERANCE * np.abs(roots).max(initial=0.0)
     real = np.sort(roots[~swings].real)[::-1]
     real = real[np.argsort(np.abs(real), kind="stable")]
     pairs = [sign * np.sqrt(complex(-p * q)) for p, q in zip(real[:-1:2], real[1::2], strict=True) for sign in (1, -1)]
@@ -87,10 +87,10 @@ def undamped_roots(roots: np.ndarray) -> np.ndarray:
     return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
 
 
-def describe_modal_damping(G: control.StateSpace) -> str:
+def _describe_modal_damping(G: control.StateSpace) -> str:
     """Describe the damping of the modes; it contains that of the friction at the level of the fit."""
     found = poles(G)
-    found = found[found.imag > OSCILLATORY_TOLERANCE * np.abs(found).max()]
+    found = found[found.imag > _OSCILLATORY_TOLERANCE * np.abs(found).max()]
     if not found.size:
         return "no mode that swings"
     modes = sorted(found, key=abs)

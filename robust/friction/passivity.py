@@ -33,16 +33,16 @@ if TYPE_CHECKING:
     import control
 
 #: What is said to be left, below the least that was found: of the size of the damping.
-MIN_DAMPING_SHARE = 1e-6
+_MIN_DAMPING_SHARE = 1e-6
 #: Damping this small against that at high frequencies is none.
-ROUNDING = 1e-9
+_ROUNDING = 1e-9
 #: More than this times the damping is missing without bound, as with integral action.
-INFINITE_DAMPING = 1e12
-MAX_STATES = 40
+_INFINITE_DAMPING = 1e12
+_MAX_STATES = 40
 
 
 @value
-class Damping:
+class _Damping:
     """What is left of it [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is that at infinity."""
 
     top: Polynomial
@@ -52,21 +52,21 @@ class Damping:
     @property
     def end(self) -> float:
         """At the far end of the axis."""
-        return quotient_as_float(self.top[self.degree], self.bottom[self.degree])
+        return _quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
         """At one place of the axis."""
-        return quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
+        return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 
 def passive_verdict(
     machine: FrictionPlant, K: control.StateSpace, *, delay: float, loop: FrictionLoop
 ) -> tuple[FrictionVerdict, str]:
     """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
-    if loop.F.shape[0] > MAX_STATES:
+    if loop.F.shape[0] > _MAX_STATES:
         return (
             FrictionVerdict.NOT_DECIDED,
-            f"the loop has {loop.F.shape[0]} states, and at most {MAX_STATES} are decided exactly",
+            f"the loop has {loop.F.shape[0]} states, and at most {_MAX_STATES} are decided exactly",
         )
     matrices = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
     if not decide_loop_stability(matrices, to_matrices(K), delay=delay).holds:
@@ -75,34 +75,34 @@ def passive_verdict(
             "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
         )
     if loop.T:
-        why = not_single_mass(machine, delay / loop.T)
+        why = _not_single_mass(machine, delay / loop.T)
         if why:
             return FrictionVerdict.NOT_DECIDED, why
-        c, _ = mass_and_damping(machine)
-        left = sampled_damping(c, K, delay)
+        c, _ = _mass_and_damping(machine)
+        left = _sampled_damping(c, K, delay)
     else:
-        c, left = np.nan, continuous_damping(loop)
-    return decide_damping(left, c, loop.T, unit=machine.units.damping)
+        c, left = np.nan, _continuous_damping(loop)
+    return _decide_damping(left, c, loop.T, unit=machine.units.damping)
 
 
-def not_single_mass(machine: FrictionPlant, samples: float) -> str:
+def _not_single_mass(machine: FrictionPlant, samples: float) -> str:
     """Return why the criterion of Colgate and Schenkel does not apply to this loop; empty where it does."""
     collocated = np.array_equal(machine.B_force, machine.B_port)
     collocated &= np.array_equal(machine.C_measured, machine.C_port)
-    if not collocated or machine.A.shape[0] != 2 or not mass_and_damping(machine)[1] > 0:
+    if not collocated or machine.A.shape[0] != 2 or not _mass_and_damping(machine)[1] > 0:
         return "a sampled loop is decided for one mass with force, friction and sensor at one place only"
     if np.abs(samples - np.round(samples)) > 1e-9:
         return "a delay of part of a sample is not in the criterion"
     return ""
 
 
-def mass_and_damping(machine: FrictionPlant) -> tuple[float, float]:
+def _mass_and_damping(machine: FrictionPlant) -> tuple[float, float]:
     """Return damping [Ns/m] and 1/mass [1/kg] of a machine of two states, in whatever coordinates."""
     mobility = float(machine.velocity @ machine.B_port)
     return float(-np.trace(machine.A) / mobility) if mobility else np.nan, mobility
 
 
-def even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Polynomial]:
+def _even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Polynomial]:
     """Return (even, odd) of num den* = even(x^2) + j x odd(x^2) on s = j x."""
     kind = type(num)
     both = (num * kind([c if k % 2 == 0 else -c for k, c in enumerate(den.coeffs())])).coeffs()
@@ -113,42 +113,42 @@ def even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Pol
     return signed(both[::2]), signed(both[1::2])
 
 
-def continuous_damping(loop: FrictionLoop) -> Damping:
+def _continuous_damping(loop: FrictionLoop) -> _Damping:
     """Real part of the impedance 1/(s X) at the port, X = num/den from a force to the displacement there."""
     n = loop.F.shape[0]
     X = transfer_quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
     num = type(X.num)(X.num.coeffs()[: n - 1])  # a force does not move what has mass at once: what is left is rounding
-    _, odd = even_and_odd_part(num, X.den)
-    return Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
+    _, odd = _even_and_odd_part(num, X.den)
+    return _Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
 
 
-def sampled_damping(c: float, K: control.StateSpace, delay: float) -> Damping:
+def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
     """c less (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997), a delay in K.
 
     With x = tan(wT/2) what is needed is (T/2)(Re K - Im K/x).
     """
     T = timebase(K)
     late = bilinear_image(delay_by_samples(transfer_quotient(to_matrices(K)), round(delay / T)))
-    even, odd = even_and_odd_part(late.num, late.den)
+    even, odd = _even_and_odd_part(late.num, late.den)
     size = squared_magnitude(late.den)
-    return Damping(
+    return _Damping(
         top=size * to_rational(c) - (even - odd) * (to_rational(T) / to_rational(2.0)), bottom=size, degree=late.degree
     )
 
 
-def decide_damping(left: Damping, c: float, T: float, *, unit: str) -> tuple[FrictionVerdict, str]:
+def _decide_damping(left: _Damping, c: float, T: float, *, unit: str) -> tuple[FrictionVerdict, str]:
     """Return the verdict on the damping that remains: positive at every frequency, proved over the rationals."""
-    y, least = least_damping(left)
-    where = frequency_of(y, T)
+    y, least = _least_damping(left)
+    where = _frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
-    if not least > ROUNDING * size:
+    if not least > _ROUNDING * size:
         words = (
             f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed" if T else f"{-least:.4g} {unit} are missing"
         )
-        if -least > INFINITE_DAMPING * size:
+        if -least > _INFINITE_DAMPING * size:
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
-    claimed = least - MIN_DAMPING_SHARE * max(least, size) if least > 2 * MIN_DAMPING_SHARE * size else least / 2
+    claimed = least - _MIN_DAMPING_SHARE * max(least, size) if least > 2 * _MIN_DAMPING_SHARE * size else least / 2
     rest = left.top - left.bottom * to_rational(claimed)
     found = positive_on_half_line(rest)
     if not (found.holds and rest[left.degree] > 0):
@@ -161,7 +161,7 @@ def decide_damping(left: Damping, c: float, T: float, *, unit: str) -> tuple[Fri
     return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 
-def least_damping(left: Damping) -> tuple[float, float]:
+def _least_damping(left: _Damping) -> tuple[float, float]:
     """Return the least damping and its frequency approximately, for the report; the proof does not use it."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
     roots = complex_roots(slope) if slope.degree() > 0 else []
@@ -171,7 +171,7 @@ def least_damping(left: Damping) -> tuple[float, float]:
     return y, least
 
 
-def quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
+def _quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
     """Return a quotient of rationals as a double; minus infinity for a zero denominator."""
     if bottom == 0:
         return np.inf if top > 0 else -np.inf
@@ -182,7 +182,7 @@ def quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
         return np.inf if found > 0 else -np.inf
 
 
-def frequency_of(y: float, T: float) -> str:
+def _frequency_of(y: float, T: float) -> str:
     """Return the frequency [rad/s] of a point on the axis, for the report."""
     omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
     return f"at {format_hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"

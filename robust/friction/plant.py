@@ -144,7 +144,7 @@ def friction_plant(
     if isinstance(mass, (control.StateSpace, control.TransferFunction)):
         if stiffness is not None or damping != 0.0:
             raise ValueError("stiffness must be left out with a model, which has its own, got one")
-        return plant_from_model(mass, bool(port), position_unit)
+        return _plant_from_model(mass, bool(port), position_unit)
     if port:
         raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
     mass = require_positive("mass", mass)
@@ -252,7 +252,7 @@ def two_mass_plant(
     )
 
 
-def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
+def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
     """Return a state space with one force and one position, or with those of its friction port beside them."""
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
@@ -342,8 +342,8 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
 # Flow xi' = F xi + B f over a span, jump xi+ = J xi before it. The state xi is that of the machine, the held force, the
 # forces that wait for the delay to pass, and the controller. Nothing is cancelled: the controller is used as given.
 
-EPS = np.finfo(float).eps
-LONGEST_DELAY = 20  # samples
+_EPS = np.finfo(float).eps
+_LONGEST_DELAY = 20  # samples
 
 
 @value
@@ -427,7 +427,7 @@ class FrictionLoop:
         there = inverse @ wanted
         for _ in range(2):
             there += inverse @ (wanted - conditions @ there)
-        left = np.abs(conditions @ there - wanted) + own.shape[0] * EPS * (np.abs(conditions) @ np.abs(there))
+        left = np.abs(conditions @ there - wanted) + own.shape[0] * _EPS * (np.abs(conditions) @ np.abs(there))
         return there, 2 * np.abs(inverse) @ left
 
 
@@ -447,12 +447,12 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
     if not T:
         if delay:
             raise ValueError(f"delay must be 0 s with a continuous controller, got {delay:g} s. Sample it first")
-        return continuous_loop(machine, K)
+        return _continuous_loop(machine, K)
     whole = int(np.floor(delay / T + 1e-9))
     part = max(0.0, delay - whole * T)
     part = 0.0 if part < 1e-9 * T else part
-    if whole > LONGEST_DELAY:
-        raise ValueError(f"delay must be at most {LONGEST_DELAY} samples of {T:g} s, got {delay:g} s")
+    if whole > _LONGEST_DELAY:
+        raise ValueError(f"delay must be at most {_LONGEST_DELAY} samples of {T:g} s, got {delay:g} s")
     n, s, waiting = machine.A.shape[0], K.nstates, whole + (part > 0)
     size = n + 1 + waiting + s
     held, queue, own = n, slice(n + 1, n + 1 + waiting), slice(n + 1 + waiting, size)
@@ -485,7 +485,7 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
     )
 
 
-def continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLoop:
+def _continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLoop:
     """Return the loop with a continuous controller: one flow, no jump."""
     n, s = machine.A.shape[0], K.nstates
     F = np.zeros((n + s, n + s))
@@ -521,19 +521,19 @@ def pad_states(part: np.ndarray, size: int) -> np.ndarray:
 # g^2 is a quadratic form that a matrix exponential gives exactly, however often g turns its sign. The rest of a series
 # is bounded by a Lyapunov function. Pieces only make the bound tight.
 
-PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest mode
-MAX_PIECES = 4096  # of a period
-MAX_PERIODS = 200_000
-MAX_OPERATIONS = 1e10  # multiplications
-MERGED_PER_CYCLE = 128  # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
-N_FINE_PERIODS = 64  # after which modes that are fast beside the clock have died
-TAIL_SHARE = 1e-4
-ROUNDED_UP = 1 + 1e-6  # outward
-CIRCLE_MARGIN = 1e-9  # a pole closer to the unit circle may lie on either side
+_PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest mode
+_MAX_PIECES = 4096  # of a period
+_MAX_PERIODS = 200_000
+_MAX_OPERATIONS = 1e10  # multiplications
+_MERGED_PER_CYCLE = 128  # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
+_N_FINE_PERIODS = 64  # after which modes that are fast beside the clock have died
+_TAIL_SHARE = 1e-4
+_ROUNDED_UP = 1 + 1e-6  # outward
+_CIRCLE_MARGIN = 1e-9  # a pole closer to the unit circle may lie on either side
 
 
 @value
-class PeriodPieces:
+class _PeriodPieces:
     """A period of a loop cut into pieces.
 
     Fields
@@ -563,29 +563,29 @@ def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) ->
 
     Also inf where it would take too many pieces to tell.
     """
-    cut = cut_period(loop)
+    cut = _cut_period(loop)
     if cut is None:
         return np.inf
     poles, left = eig(cut.map.T)
     least = np.inf
     for pole, w in zip(poles, left.T, strict=True):
-        if np.abs(pole) <= 1 + CIRCLE_MARGIN or pole.imag < 0:
+        if np.abs(pole) <= 1 + _CIRCLE_MARGIN or pole.imag < 0:
             continue
         reach = w @ direction
         if not np.abs(reach) > 1e-14 * np.linalg.norm(w) * np.linalg.norm(direction):
             continue
         parts = (w @ cut.kernel / pole).reshape(-1, loop.F.shape[0])
         phases = -np.angle(reach) + (np.linspace(-0.6, 0.6, 31) if pole.imag else np.zeros(1))
-        taken = support_function(np.exp(1j * phases), pole, parts)
+        taken = _support_function(np.exp(1j * phases), pole, parts)
         least = min(least, float((taken / np.cos(phases + np.angle(reach))).min() / np.abs(reach)))
-    return Fs * least * ROUNDED_UP
+    return Fs * least * _ROUNDED_UP
 
 
-def support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
+def _support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
     """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|, tail included."""
     total = np.zeros(turn.size)
-    affordable = MAX_OPERATIONS / (40 * turn.size * parts.size)
-    periods = int(max(1, min(MAX_PERIODS, affordable, np.ceil(np.log(1 / TAIL_SHARE) / np.log(np.abs(pole))))))
+    affordable = _MAX_OPERATIONS / (40 * turn.size * parts.size)
+    periods = int(max(1, min(_MAX_PERIODS, affordable, np.ceil(np.log(1 / _TAIL_SHARE) / np.log(np.abs(pole))))))
     at_once = max(1, int(4e6 / (turn.size * parts.size)))
     for first in range(0, periods, at_once):
         powers = complex(pole) ** -np.arange(first, min(first + at_once, periods), dtype=float)
@@ -600,65 +600,65 @@ def steady_error_bound(loop: FrictionLoop) -> float:
 
     inf where the loop is not stable by more than its rounding, or where it would take too many pieces or periods.
     """
-    cut = cut_period(loop)
+    cut = _cut_period(loop)
     if cut is None:
         return np.inf
-    positions = absolute_kernel_integral(cut, 0)
+    positions = _absolute_kernel_integral(cut, 0)
     if not loop.T:  # nothing tells one instant from another
-        return float(positions.max() * ROUNDED_UP)
+        return float(positions.max() * _ROUNDED_UP)
     if not np.isfinite(positions).all():
         return np.inf
     # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
-    bend = 2 * (absolute_kernel_integral(cut, 1).max() + np.abs(loop.v @ loop.B))
+    bend = 2 * (_absolute_kernel_integral(cut, 1).max() + np.abs(loop.v @ loop.B))
     step, at_once = cut.lengths.max(), np.abs(loop.x @ loop.B)
     away = step**2 / 8 * bend
     if at_once > ROUNDING * np.linalg.norm(loop.x) * np.linalg.norm(loop.B):  # the velocity jumps with the friction
-        away = step / 2 * (absolute_kernel_integral(cut, 2).max() + step * bend + at_once)
-    return float((positions.max() + away) * ROUNDED_UP)
+        away = step / 2 * (_absolute_kernel_integral(cut, 2).max() + step * bend + at_once)
+    return float((positions.max() + away) * _ROUNDED_UP)
 
 
-def absolute_kernel_integral(cut: PeriodPieces, what: int) -> np.ndarray:
+def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
     """Return an upper bound (R,) of the integral of |kernel| from the past friction to each of `cut.reads[what]`."""
     rows, total = cut.reads[what], cut.within[what]
-    norm = lyapunov_norm(cut.map)
+    norm = _lyapunov_norm(cut.map)
     if norm is None:
         return np.full(rows.shape[0], np.inf)
     factor, inverse, rate = norm
     n = cut.map.shape[0]
     weight = np.linalg.norm(rows @ inverse, axis=1)
-    merged = merge_periods(cut)
-    affordable = int(min(MAX_PERIODS, MAX_OPERATIONS / (rows.shape[0] * cut.kernel.size)))
+    merged = _merge_periods(cut)
+    affordable = int(min(_MAX_PERIODS, _MAX_OPERATIONS / (rows.shape[0] * cut.kernel.size)))
     stages = [(1, cut.map, cut.kernel, affordable)]
-    if merged is not None and affordable > N_FINE_PERIODS:
+    if merged is not None and affordable > _N_FINE_PERIODS:
         count, kernel = merged
-        start = np.linalg.matrix_power(cut.map, N_FINE_PERIODS) @ kernel
+        start = np.linalg.matrix_power(cut.map, _N_FINE_PERIODS) @ kernel
         stages = [
-            (1, cut.map, cut.kernel, N_FINE_PERIODS),
-            (count, np.linalg.matrix_power(cut.map, count), start, (affordable - N_FINE_PERIODS) // count),
+            (1, cut.map, cut.kernel, _N_FINE_PERIODS),
+            (count, np.linalg.matrix_power(cut.map, count), start, (affordable - _N_FINE_PERIODS) // count),
         ]
     for count, step, state, n_steps in stages:
         for k in range(n_steps):
             if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
                 left = np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
                 rest = weight * left / (1 - rate**count)
-                if (rest <= TAIL_SHARE * total.max()).all():
+                if (rest <= _TAIL_SHARE * total.max()).all():
                     return np.asarray(total + rest)
-            total = total + kernel_norms(rows, state)
+            total = total + _kernel_norms(rows, state)
             state = step @ state
     return np.full(rows.shape[0], np.inf)
 
 
-def merge_periods(cut: PeriodPieces) -> tuple[int, np.ndarray] | None:
+def _merge_periods(cut: _PeriodPieces) -> tuple[int, np.ndarray] | None:
     """Return how many periods are cut into pieces of whole periods, and what the friction of each makes of the state.
 
     That is for modes which are slow beside the clock, once the fast ones have died; None where one of them is not slow.
     """
     poles = np.linalg.eigvals(cut.map)
-    lasting = poles[np.abs(poles) ** N_FINE_PERIODS > TAIL_SHARE]
+    lasting = poles[np.abs(poles) ** _N_FINE_PERIODS > _TAIL_SHARE]
     fastest = np.abs(np.log(lasting)).max(initial=0.0)
-    if not fastest * MERGED_PER_CYCLE <= np.pi:
+    if not fastest * _MERGED_PER_CYCLE <= np.pi:
         return None
-    together = int(np.pi / (MERGED_PER_CYCLE * fastest)) if fastest else 1
+    together = int(np.pi / (_MERGED_PER_CYCLE * fastest)) if fastest else 1
     n = cut.map.shape[0]
     pieces = cut.kernel.reshape(n, -1, n)
     # (sum of h_p) times the sum of int g^2, of which a piece holds h_p int g^2
@@ -667,14 +667,14 @@ def merge_periods(cut: PeriodPieces) -> tuple[int, np.ndarray] | None:
     for _ in range(together):
         total += power @ gram @ power.T
         power = cut.map @ power
-    root = gramian_root(total)
+    root = _gramian_root(total)
     kernel = [root]
-    for _ in range(MERGED_PER_CYCLE - 1):
+    for _ in range(_MERGED_PER_CYCLE - 1):
         kernel.append(power @ kernel[-1])
-    return MERGED_PER_CYCLE * together, np.hstack(kernel)
+    return _MERGED_PER_CYCLE * together, np.hstack(kernel)
 
 
-def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+def _kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Return (R,) sums of the norms of (rows kernel) over the columns of each piece."""
     n, at_once = kernel.shape[0], max(1, 4_000_000 // kernel.shape[1])
     sums = []
@@ -684,11 +684,11 @@ def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     return np.concatenate(sums)
 
 
-def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
+def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
     """A norm |L x| in which a stable map shrinks by a rate below one: L, its inverse, the rate; None where none is."""
     scaled, weights = balance_matrix(period)
     goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
-    if not 0 < goal < 1 or MAX_PERIODS * (1 - goal) < 1:
+    if not 0 < goal < 1 or _MAX_PERIODS * (1 - goal) < 1:
         return None
     try:
         P = solve_discrete_lyapunov((scaled / goal).T, np.eye(scaled.shape[0]))
@@ -701,7 +701,7 @@ def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | 
     return (L / weights, weights[:, None] * back, rate) if rounding < 1e-3 * (1 - rate) else None
 
 
-def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
+def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
     """Cut a period so finely that neither the clock nor the fastest mode gets far in a piece.
 
     None where that takes too many.
@@ -715,20 +715,20 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
         spans, jumps = np.array([T]), np.eye(n)[None]
     else:
         T, spans, jumps = loop.T, loop.spans, loop.jumps
-    counts = np.maximum(2, np.ceil(PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
-    if not counts.sum() <= MAX_PIECES:
+    counts = np.maximum(2, np.ceil(_PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
+    if not counts.sum() <= _MAX_PIECES:
         return None
     read = np.array([loop.x, loop.v @ loop.F, loop.v])  # position, acceleration, velocity
     map_, kernel, ends, within = np.eye(n), np.zeros((n, 0)), [], []
     for span, jump, count in zip(spans, jumps, counts.astype(int), strict=True):
-        flow, push = flow_and_gramian_root(loop.F, loop.B, span / count)
+        flow, push = _flow_and_gramian_root(loop.F, loop.B, span / count)
         map_, kernel = jump @ map_, jump @ kernel
         for _ in range(count):
             map_, kernel = flow @ map_, np.hstack([flow @ kernel, push])
             ends.append(read @ map_)
-            within.append(kernel_norms(read, kernel))
+            within.append(_kernel_norms(read, kernel))
     kept = slice(None) if loop.T else slice(-1, None)
-    return PeriodPieces(
+    return _PeriodPieces(
         map=map_,
         kernel=kernel,
         reads=np.moveaxis(np.array(ends)[kept], 1, 0),
@@ -737,17 +737,17 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
     )
 
 
-def flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+def _flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Return exp(F h) and G with h int_0^h exp(F s) B B' exp(F s)' ds = G G' (Van Loan 1978)."""
     n = F.shape[0]
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -F, np.outer(B, B), F.T
     both = expm(block * h)
     flow = both[n:, n:].T
-    return flow, gramian_root(h * flow @ both[:n, n:])
+    return flow, _gramian_root(h * flow @ both[:n, n:])
 
 
-def gramian_root(gram: np.ndarray) -> np.ndarray:
+def _gramian_root(gram: np.ndarray) -> np.ndarray:
     """Return G with G G' a little over the Gramian: what rounding may have taken is put back.
 
     In units in which every state is moved alike, as eigenvalues are as good as the largest.
@@ -827,7 +827,7 @@ def driven_states(
 # ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the loop unstable.
 
 #: Springs that are tried, over K0: of one port, and of each of several.
-SPRING_SHARES = (
+_SPRING_SHARES = (
     np.unique(np.concatenate([np.linspace(0, 1, 31)[1:], np.geomspace(1e-3, 1, 30)])),
     np.concatenate([[0.0], np.geomspace(1e-3, 1, 13)]),
 )
@@ -841,12 +841,12 @@ def destabilizing_stiffness(
     With each stiffness but zero goes a damper [Ns/m], that of a bristle. With several ports K0 and the stiffness are
     one a port. None where none was found: of those tried and the refinement around the worst of them.
     """
-    beyond = CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
+    beyond = _CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
     n_ports = loop.columns.shape[1]
     stiffest = np.broadcast_to(np.asarray(K0, dtype=float), n_ports)
     worst, growth = np.zeros(n_ports), loop.growth()
     if growth <= beyond and stiffest.any():
-        tried = SPRING_SHARES[n_ports > 1]
+        tried = _SPRING_SHARES[n_ports > 1]
         shares = np.array(list(product(tried, repeat=n_ports)))
         found = np.array([loop.growth(share * stiffest, damper) for share in shares])
         worst, growth = shares[int(np.argmax(found))], float(found.max())

@@ -25,7 +25,7 @@ class MechanicalUnits:
     mass: str
 
 
-UNITS = {
+_UNITS = {
     "m": MechanicalUnits(position="m", velocity="m/s", force="N", stiffness="kN/m", damping="Ns/m", mass="kg"),
     "rad": MechanicalUnits(
         position="rad", velocity="rad/s", force="Nm", stiffness="kNm/rad", damping="Nm s/rad", mass="kg m^2"
@@ -39,9 +39,9 @@ def mechanical_units(position_unit: str) -> MechanicalUnits:
     >>> mechanical_units("rad").stiffness
     'kNm/rad'
     """
-    if position_unit not in UNITS:
+    if position_unit not in _UNITS:
         raise ValueError(f'position_unit must be "m" or "rad", got {position_unit!r}')
-    return UNITS[position_unit]
+    return _UNITS[position_unit]
 
 
 def format_plain(number: float) -> str:
@@ -60,7 +60,7 @@ def format_length(length: float, unit: str) -> str:
     ('21.9 um', '0.5 rad', '1e-05 mm', '2.5 mm')
     """
     scale, prefix = (1e6, "u") if abs(length) < 1e-3 else (1e3, "m") if abs(length) < 0.1 else (1.0, "")
-    return f"{scale * length:.3g} {prefix}{unit}" if unit in UNITS else f"{length:.3g} {unit}"
+    return f"{scale * length:.3g} {prefix}{unit}" if unit in _UNITS else f"{length:.3g} {unit}"
 
 
 def position_unit_of(unit: str) -> str:

@@ -10,8 +10,8 @@ from robust._base.types import LinearSystem
 from robust.lti.lti import axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
-SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
-RESPONSE_TOLERANCE, SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
+_SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
+_RESPONSE_TOLERANCE, _SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 
 
 def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
@@ -49,12 +49,12 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
-    z, p, gain = roots_and_gain(K)
-    sections = chain_sections(z, p, gain)
-    angles = comparison_angles(np.concatenate([z, p]))
+    z, p, gain = _roots_and_gain(K)
+    sections = _chain_sections(z, p, gain)
+    angles = _comparison_angles(np.concatenate([z, p]))
     wanted = response(K, angles / dt)
-    error = np.abs(chain_response(sections, angles) - wanted) / np.maximum(np.abs(wanted), 1e-300)
-    wrong = error / np.where(angles < SLOW_ANGLE, SLOW_RESPONSE_TOLERANCE, RESPONSE_TOLERANCE)
+    error = np.abs(_chain_response(sections, angles) - wanted) / np.maximum(np.abs(wanted), 1e-300)
+    wrong = error / np.where(angles < _SLOW_ANGLE, _SLOW_RESPONSE_TOLERANCE, _RESPONSE_TOLERANCE)
     if not wrong.max() < 1:
         k = int(wrong.argmax())
         raise ValueError(
@@ -78,16 +78,16 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
         return {}
 
 
-def comparison_angles(roots: np.ndarray) -> np.ndarray:
+def _comparison_angles(roots: np.ndarray) -> np.ndarray:
     """Return angles (W,) of a sample [rad] for the comparison of two systems: down to the slowest root."""
     away = np.abs(roots - 1)
-    slowest = np.min(away[away > 1e-12], initial=SLOW_ANGLE)
+    slowest = np.min(away[away > 1e-12], initial=_SLOW_ANGLE)
     return np.concatenate(
-        [np.geomspace(0.1 * slowest, SLOW_ANGLE, 60, endpoint=False), np.geomspace(SLOW_ANGLE, 0.99 * np.pi, 60)]
+        [np.geomspace(0.1 * slowest, _SLOW_ANGLE, 60, endpoint=False), np.geomspace(_SLOW_ANGLE, 0.99 * np.pi, 60)]
     )
 
 
-def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def _chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return (W,) response of sections at angles of a sample, from z^-1 - 1, so that nothing is lost near z = 1."""
     w = np.expm1(-1j * angles)
     top, bottom = (
@@ -97,7 +97,7 @@ def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.asarray(np.prod(top / bottom, axis=0))
 
 
-def pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+def _pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
     """Pair roots, the slowest real one with the fastest: two at z = 1 would cancel twice in one section."""
     pairs, rest = pair_roots(roots)
     alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
@@ -107,7 +107,7 @@ def pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], l
     return pairs, alone[half : len(alone) - half]
 
 
-def polynomial_coefficients(roots: tuple[complex, ...]) -> np.ndarray:
+def _polynomial_coefficients(roots: tuple[complex, ...]) -> np.ndarray:
     """Return coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
     if len(roots) < 2:
         return np.poly(roots).real
@@ -116,10 +116,10 @@ def polynomial_coefficients(roots: tuple[complex, ...]) -> np.ndarray:
     return np.array([1.0, at_one - last, last - 1])
 
 
-def chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
+def _chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
     """Return (n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
-    pole_pairs, pole_rest = pair_slow_with_fast(p)
-    zero_pairs, zero_rest = pair_slow_with_fast(z)
+    pole_pairs, pole_rest = _pair_slow_with_fast(p)
+    zero_pairs, zero_rest = _pair_slow_with_fast(z)
     groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
     free: list[tuple[complex, ...]] = [*zero_pairs, *((r,) for r in zero_rest)]
     rows = []
@@ -132,15 +132,15 @@ def chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
         if fitting:
             mine = min(fitting, key=lambda zs: abs(zs[0] - group[0]))
             free.remove(mine)
-        top = np.concatenate([np.zeros(len(group) - len(mine)), polynomial_coefficients(mine) if mine else [1.0]])
-        rows.append([*top, *np.zeros(3 - top.size), *polynomial_coefficients(group), *np.zeros(2 - len(group))])
+        top = np.concatenate([np.zeros(len(group) - len(mine)), _polynomial_coefficients(mine) if mine else [1.0]])
+        rows.append([*top, *np.zeros(3 - top.size), *_polynomial_coefficients(group), *np.zeros(2 - len(group))])
     rows = rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]
     sections = np.array(rows)
     sections[0, :3] *= gain
     return sections
 
 
-def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
+def _roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
     """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
     dt = timebase(system)
     # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
@@ -160,7 +160,7 @@ def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
 
     A numerator and denominator of order n with all roots beside z = 1 lose n times the digits that lie between.
     """
-    z, p, gain = roots_and_gain(system)
+    z, p, gain = _roots_and_gain(system)
     dt = timebase(system)
     num, den = gain * np.atleast_1d(np.poly(z)).real, np.atleast_1d(np.poly(p)).real
     size = np.abs(np.concatenate([z - 1, p - 1]) if dt else np.concatenate([z, p]))
@@ -170,4 +170,4 @@ def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
     s, wanted = axis_points(omega, dt), response(system, omega)
     with np.errstate(all="ignore"):
         error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
-    return {"num": num, "den": den} if np.all(error <= SLOW_RESPONSE_TOLERANCE * np.abs(wanted)) else {}
+    return {"num": num, "den": den} if np.all(error <= _SLOW_RESPONSE_TOLERANCE * np.abs(wanted)) else {}

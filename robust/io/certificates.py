@@ -151,15 +151,15 @@ def verify_certificate(
     stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
     claim = load_claim(path)
     if isinstance(claim, FrictionClaim):
-        wrong, found = differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
+        wrong, found = _differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
     elif not isinstance(model, UncertaintyModel | None):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
     elif isinstance(claim, ChannelsClaim):
-        wrong, found = differences_of_channels(claim, model, K), partial(verify_channels, claim)
+        wrong, found = _differences_of_channels(claim, model, K), partial(verify_channels, claim)
     else:
-        wrong, found = differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
+        wrong, found = _differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
     if K is not None and not isinstance(claim, ChannelsClaim):
-        other = differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM)
+        other = differing_fields(claim.controller, to_matrices(state_space("K", K)), _SYSTEM)
         wrong |= {"the controller": ""} if other else {}
     proved = found()
     return replace(
@@ -169,10 +169,10 @@ def verify_certificate(
     )
 
 
-SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
+_SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
 
 
-def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dict[str, str]:
+def _differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dict[str, str]:
     """Return that the model of one loop is not as in the certificate, and how it differs."""
     if model is None:
         return {}
@@ -181,7 +181,7 @@ def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dic
     return {"the model": f": other {', '.join(names)}"} if names else {}
 
 
-def differences_of_channels(
+def _differences_of_channels(
     claim: ChannelsClaim, model: UncertaintyModel | None, K: Controller | None
 ) -> dict[str, str]:
     """Return that the loop of model and controller is not the one of the certificate."""
@@ -189,21 +189,21 @@ def differences_of_channels(
         raise ValueError("model and K must be given together for a certificate of several channels, got one of them")
     if model is None or K is None:
         return {}
-    return {} if is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
+    return {} if _is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
 
 
-def differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
+def _differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
     """Return that a machine with friction is not the one of the certificate."""
     if model is None:
         return {}
     machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-    return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), SYSTEM) else {}
+    return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM) else {}
 
 
-LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
+_LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
 
 
-def is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> bool:
+def _is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> bool:
     """Return whether the loop of model and controller responds as that of the certificate, at its perturbations."""
     form = next((one for one in (model, model.alternative_form) if one is not None and one.form == given.form), None)
     if form is None:
@@ -218,19 +218,19 @@ def is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> 
     rows, cols = mine.noutputs, mine.ninputs
     for claim in given.claims.values():
         if isinstance(claim, FoldedClaim):
-            if folded is None or not is_same_folding(claim, folded.claim):
+            if folded is None or not _is_same_folding(claim, folded.claim):
                 return False
             continue
         theirs = control.StateSpace(*(getattr(claim.system, name) for name in "ABCD"), claim.system.dt)
         if theirs.noutputs < rows or theirs.ninputs < cols or timebase(theirs) != timebase(mine):
             return False
         off = np.abs(response_by_channel(theirs, omega)[:rows, :cols] - response).max(axis=(0, 1))
-        if np.any(off > LOOP_TOLERANCE * np.abs(response).max(axis=(0, 1))):
+        if np.any(off > _LOOP_TOLERANCE * np.abs(response).max(axis=(0, 1))):
             return False
     return True
 
 
-def is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
+def _is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
     """Return whether the same continuous set is folded, number by number."""
     if claim.dt != mine.dt or len(claim.parts) != len(mine.parts):
         return False

@@ -72,17 +72,17 @@ def bla_from_frd(
         n_averages=n_averages,
         fs=1 / frf.dt if frf.dt and frf.dt is not True else None,
         hold=hold,
-        inputs=given_names(frf.input_labels, "u"),
-        outputs=given_names(frf.output_labels, "y"),
+        inputs=_given_names(frf.input_labels, "u"),
+        outputs=_given_names(frf.output_labels, "y"),
         input_units=input_units,
         output_units=output_units,
     )
 
 
-def given_names(labels: Sequence[str], letter: str) -> tuple[str, ...]:
+def _given_names(labels: Sequence[str], letter: str) -> tuple[str, ...]:
     """Return names of signals, none where python-control made them up.
 
-    >>> given_names(["force", "torque"], "u"), given_names(["u[0]", "u[1]"], "u")
+    >>> _given_names(["force", "torque"], "u"), _given_names(["u[0]", "u[1]"], "u")
     (('force', 'torque'), ())
     """
     return () if list(labels) == [f"{letter}[{k}]" for k in range(len(labels))] else tuple(labels)

@@ -12,11 +12,11 @@ from nlfrf.io import read_mat
 from robust.lti.realisation import from_polynomials, from_roots, multivariable, order_roots
 
 #: Fields of a system, by the letters that they are known by whatever their case; the first set that is whole counts.
-STATE_SPACE, POLYNOMIALS, ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z", "p", "k")
-LONG_NAMES = {"numerator": "num", "denominator": "den"}
-INVERSE_VARIABLES = ("z^-1", "q^-1")
-DELAYS = ("inputdelay", "outputdelay", "iodelay", "internaldelay")
-CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
+_STATE_SPACE, _POLYNOMIALS, _ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z", "p", "k")
+_LONG_NAMES = {"numerator": "num", "denominator": "den"}
+_INVERSE_VARIABLES = ("z^-1", "q^-1")
+_DELAYS = ("inputdelay", "outputdelay", "iodelay", "internaldelay")
+_CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
 
 
 def load_matlab_system(path: Path) -> control.StateSpace:
@@ -36,31 +36,31 @@ def load_matlab_system(path: Path) -> control.StateSpace:
     homes: dict[str, dict[str, np.ndarray]] = {}
     for name, array in read_mat(path).items():
         home, _, key = name.rpartition(".")
-        homes.setdefault(home, {})[LONG_NAMES.get(key.lower(), key.lower())] = array
+        homes.setdefault(home, {})[_LONG_NAMES.get(key.lower(), key.lower())] = array
     found = {
         home: fields
         for home, fields in homes.items()
-        if any(all(is_numeric(fields.get(key)) for key in kind) for kind in (STATE_SPACE, POLYNOMIALS, ROOTS))
+        if any(all(_is_numeric(fields.get(key)) for key in kind) for kind in (_STATE_SPACE, _POLYNOMIALS, _ROOTS))
     }
     named = [home for home in found if home.rpartition(".")[2] == "K"] or list(found)
     if len(named) != 1:
         what = f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}" if named else "none"
-        raise ValueError(f"path must hold one controller as matrices or a struct, got {what} in {path.name!r}; {CURE}")
+        raise ValueError(f"path must hold one controller as matrices or a struct, got {what} in {path.name!r}; {_CURE}")
     fields = found[named[0]]
-    return system_from_fields({**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name)
+    return _system_from_fields({**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name)
 
 
-def is_numeric(array: np.ndarray | None) -> bool:
+def _is_numeric(array: np.ndarray | None) -> bool:
     """Return whether an array is there and holds numbers."""
     return array is not None and array.dtype.kind in "fiubc"
 
 
-def sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
+def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
     """Return the sampling time [s]; refuse fields without one, with a delay, or in another unit of time."""
-    dt = float(fields["ts"].real.item()) if fields["ts"].size == 1 and is_numeric(fields["ts"]) else -1.0
+    dt = float(fields["ts"].real.item()) if fields["ts"].size == 1 and _is_numeric(fields["ts"]) else -1.0
     if not dt >= 0:
         raise ValueError(f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got none")
-    if delayed := [key for key in DELAYS if is_numeric(fields.get(key)) and np.any(fields[key])]:
+    if delayed := [key for key in _DELAYS if _is_numeric(fields.get(key)) and np.any(fields[key])]:
         raise ValueError(
             f"{delayed[0]} must be zero in {name!r}: leave it out, and give a computation delay as --delay"
         )
@@ -70,33 +70,33 @@ def sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> floa
     return dt
 
 
-def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
+def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
     """Return the system of the fields of a file; refuse what they say beyond a rational system in seconds."""
-    dt = sampling_time_of_fields(fields, name)
-    if all(is_numeric(fields.get(key)) for key in STATE_SPACE):
+    dt = _sampling_time_of_fields(fields, name)
+    if all(_is_numeric(fields.get(key)) for key in _STATE_SPACE):
         E = np.atleast_2d(fields.get("e", np.empty(0)))
         if E.size and not np.array_equal(E, np.eye(len(E))):
-            raise ValueError(f"E must be the identity in {name!r}, got a descriptor form; {CURE}")
-        return multivariable("K", control.StateSpace(*with_all_axes([fields[key] for key in STATE_SPACE], name), dt))
-    if all(is_numeric(fields.get(key)) for key in POLYNOMIALS):
-        num, den = (np.atleast_1d(fields[key]).astype(float) for key in POLYNOMIALS)
-        if fields.get("variable", np.empty(0)).tolist() in INVERSE_VARIABLES:  # powers of 1/z, from the constant on
+            raise ValueError(f"E must be the identity in {name!r}, got a descriptor form; {_CURE}")
+        return multivariable("K", control.StateSpace(*_with_all_axes([fields[key] for key in _STATE_SPACE], name), dt))
+    if all(_is_numeric(fields.get(key)) for key in _POLYNOMIALS):
+        num, den = (np.atleast_1d(fields[key]).astype(float) for key in _POLYNOMIALS)
+        if fields.get("variable", np.empty(0)).tolist() in _INVERSE_VARIABLES:  # powers of 1/z, from the constant on
             n = max(num.size, den.size)
             num, den = (np.append(one, np.zeros(n - one.size)) for one in (num, den))
         return from_polynomials("K", num, den=den, dt=dt)
-    zeros, poles, gain = (np.atleast_1d(fields[key]).astype(complex) for key in ROOTS)
+    zeros, poles, gain = (np.atleast_1d(fields[key]).astype(complex) for key in _ROOTS)
     for key, roots in (("z", zeros), ("p", poles)):
         if not np.allclose(np.sort_complex(roots), np.sort_complex(roots.conj())):
             raise ValueError(f"{key} must be real or conjugate in {name!r}, got {roots}")
     if gain.size != 1 or zeros.size > poles.size:
         raise ValueError(
             f"K must be proper and of one input and output in {name!r}, got {zeros.size} zeros, {poles.size} poles and "
-            f"{gain.size} gains; {CURE}"
+            f"{gain.size} gains; {_CURE}"
         )
     return from_roots(order_roots(zeros), order_roots(poles), float(gain[0].real), dt)
 
 
-def with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
+def _with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
     """Return A, B, C and D with the shapes that reading without axes of length one has taken from them."""
     A, B, C, D = matrices
     n = 0 if not A.size else A.shape[0] if A.ndim == 2 else 1

@@ -68,14 +68,14 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     struct: dict[str, object]
     if isinstance(content, UncertaintyModel):
-        struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
+        struct, script = _model_struct(content), _MODEL_LOADER if content.is_single else _MATRIX_LOADER
     elif isinstance(content, (RobustnessReport, ChannelsClaim)):
-        struct, script = {"kind": ChannelsClaim.SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
+        struct, script = {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(content)}, _PROOF_LOADER
     else:
         K = as_controller("content", content)
-        struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
+        struct, script = {"kind": CONTROLLER_SCHEMA, "K": _matlab_system(K), **sections_by_name(K)}, _CONTROLLER_LOADER
     warned = getattr(content, "warnings", ())
-    struct |= {"warnings": cell_array(list(warned))} if warned else {}
+    struct |= {"warnings": _cell_array(list(warned))} if warned else {}
     loader = path.with_name(f"load_{name}.m")
     require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
 
@@ -92,7 +92,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     write_text(loader, text, role=Role.DERIVED)
 
 
-def model_struct(model: UncertaintyModel) -> dict[str, object]:
+def _model_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return a model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
     single = model.is_single
     struct: dict[str, object] = {
@@ -108,18 +108,20 @@ def model_struct(model: UncertaintyModel) -> dict[str, object]:
         "source": model.origin.source,
     }
     if not model.measured_only:
-        struct["nominal"] = matlab_system(model.nominal)
+        struct["nominal"] = _matlab_system(model.nominal)
     if not single:
-        struct |= {side: cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
-        return struct | {side: cell_array(list(map(matlab_system, getattr(model, side)))) for side in ("left", "right")}
-    struct |= {"response": model.at(model.omega), "weight": matlab_system(model.weight), "delay": model.origin.delay}
+        struct |= {side: _cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
+        return struct | {
+            side: _cell_array(list(map(_matlab_system, getattr(model, side)))) for side in ("left", "right")
+        }
+    struct |= {"response": model.at(model.omega), "weight": _matlab_system(model.weight), "delay": model.origin.delay}
     struct |= {f"radius_{name}": part for name, part in model.budget.items()}
     if model.scaling:
-        struct |= dict(zip(("W1", "W2"), map(matlab_system, model.scaling), strict=True)) | coprime_struct(model)
+        struct |= dict(zip(("W1", "W2"), map(_matlab_system, model.scaling), strict=True)) | _coprime_struct(model)
     return struct
 
 
-def proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
+def _proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
     """Return the proofs by P and scalings, one for all frequencies or one an interval, as a cell array of structs."""
     held = (
         content.claims
@@ -129,10 +131,10 @@ def proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
     claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim | IntervalClaim)}
     if not claims:
         raise ValueError(f"content must hold a proof by {SCALED_KYP} or {GENERALISED_KYP} for MATLAB, got none")
-    return cell_array([proof_struct(subject, claim) for subject, claim in claims.items()])
+    return _cell_array([_proof_struct(subject, claim) for subject, claim in claims.items()])
 
 
-def proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str, object]:
+def _proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str, object]:
     """Return one proof as numbers and text."""
     struct = {"subject": subject, "level": claim.level, "Ts": claim.system.dt}
     struct |= {name: getattr(claim.system, name) for name in "ABCD"}
@@ -150,26 +152,28 @@ def proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str, 
         | dict(zip(("X_L", "X_R", "K"), piece.placed(claim.blocks), strict=True))
         for k, piece in enumerate(claim.pieces)
     ]
-    return struct | {"P": in_states(claim.stability), "pieces": cell_array(pieces)}
+    return struct | {"P": in_states(claim.stability), "pieces": _cell_array(pieces)}
 
 
-def cell_array(things: Sequence[object]) -> np.ndarray:
+def _cell_array(things: Sequence[object]) -> np.ndarray:
     """Return a MATLAB cell array, a row."""
     row = np.empty((1, len(things)), dtype=object)
     row[0, :] = things
     return row
 
 
-def coprime_struct(model: UncertaintyModel) -> dict[str, object]:
+def _coprime_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return normalised coprime factors of the scaled plant: systems, or values on the lines."""
     if not model.measured_only:
-        return dict(zip("NM", map(matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True))
+        return dict(
+            zip("NM", map(_matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True)
+        )
     G = model.at(model.omega) * response(model.shaping, model.omega)
     M = 1 / np.sqrt(1 + np.abs(G) ** 2)
     return {"N": G * M, "M": M + 0j}
 
 
-def matlab_system(system: control.StateSpace) -> dict[str, object]:
+def _matlab_system(system: control.StateSpace) -> dict[str, object]:
     """Return a system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
     struct: dict[str, object] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
@@ -178,12 +182,12 @@ def matlab_system(system: control.StateSpace) -> dict[str, object]:
     return struct
 
 
-def matlab_cases(forms: Mapping[str, Form | MatrixForm]) -> str:
+def _matlab_cases(forms: Mapping[str, Form | MatrixForm]) -> str:
     """Return the cases of a switch over forms, each of which makes the uncertain plant."""
     return "\n".join(f"    case '{name}'\n        Gu = {form.matlab_expression};" for name, form in forms.items())
 
 
-MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
+_MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
 %NAME  Uncertain plant from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weight and ultidyn('Delta', [1 1])
 %   G, W   nominal (ss where there is one, else frd) and weight
@@ -217,8 +221,8 @@ switch model.form
 CASES
 end
 end
-""".replace("CASES", matlab_cases(FORMS))
-MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
+""".replace("CASES", _matlab_cases(FORMS))
+_MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
 %NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weights and ultidyn
 %   G      nominal, ss
@@ -252,8 +256,8 @@ switch model.form
 CASES
 end
 end
-""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("CASES", matlab_cases(BLOCK_FORMS))
-PROOF_LOADER = """function [largest, proofs] = NAME(file)
+""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("CASES", _matlab_cases(BLOCK_FORMS))
+_PROOF_LOADER = """function [largest, proofs] = NAME(file)
 %NAME  Proofs by P and scalings from FILE.
 %   largest  of each proof the largest eigenvalue of its inequalities and of -P, which have to be negative:
 %            [A'P+PA, PB; B'P, 0] + [C D]'X_L[C D] - [0; I]G[C D] - [C D]'G'[0 I] - level^2 [0 0; 0 X_R]
@@ -309,7 +313,7 @@ across = [zeros(n, m); eye(m)] * G * CD;
 M = CD' * X_L * CD - across - across' - p.level^2 * blkdiag(zeros(n), X_R);
 end
 """
-CONTROLLER_LOADER = """function [K, content] = NAME(file)
+_CONTROLLER_LOADER = """function [K, content] = NAME(file)
 %NAME  Controller from FILE, negative feedback u = K (r - y).
 %   K        ss
 %   content  everything that was written; content.sections for sosfilt where it is discrete

@@ -27,83 +27,84 @@ from robust.models.sets.records import JointProbability, Origin, RecordSummary
 # A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
 # strings. A file is written whole or not at all, and what is read is held against the schema that is published.
 
-VERSION = 1
-BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
+_VERSION = 1
+_BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
 PathLike = str | os.PathLike[str]
 
 
 def load_bla(path: PathLike) -> nlfrf.Bla:
     """Return the BLA in a file, or a refusal of any other kind."""
-    require_file_of(path, *BLA_SCHEMAS)
+    require_file_of(path, *_BLA_SCHEMAS)
     bla: nlfrf.Bla = nlfrf.load(path)
     return bla
 
 
-def encode(content: object) -> Json:
+def _encode(content: object) -> Json:
     """Encode any content of a model as JSON types."""
     if content is None or isinstance(content, str | bool):
         return content
     if isinstance(content, control.StateSpace | control.FrequencyResponseData):
-        return encode_system(content)
+        return _encode_system(content)
     if isinstance(content, tuple | list):
-        return [encode(item) for item in content]
+        return [_encode(item) for item in content]
     if is_dataclass(content):
-        return {name: encode(getattr(content, name)) for name in field_names(content)}
+        return {name: _encode(getattr(content, name)) for name in field_names(content)}
     if isinstance(content, Mapping):
-        return {name: encode(part) for name, part in content.items()}
+        return {name: _encode(part) for name, part in content.items()}
     array = np.asarray(content)
     if array.ndim:
-        return [encode(item) for item in array]
+        return [_encode(item) for item in array]
     if array.dtype.kind == "c":
-        return [encode(array.real), encode(array.imag)]
+        return [_encode(array.real), _encode(array.imag)]
     number = float(array)
     return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
 
 
-def decode(content: Json) -> ArrayField:
+def _decode(content: Json) -> ArrayField:
     """Return the way back, for real numbers: float, or float arrays."""
     try:
         if isinstance(content, list):
-            return np.array([decode(item) for item in content], dtype=float)
+            return np.array([_decode(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
     except ValueError:  # of rows that are not equally long
         raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
-def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
+def _encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
     """Return a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
-        return {"kind": "frf", "omega": encode(system.omega), "G": encode(system.frdata[0, 0]), "dt": dt}
-    return {"kind": "ss", "dt": dt, **{name: encode(getattr(system, name)) for name in "ABCD"}}
+        return {"kind": "frf", "omega": _encode(system.omega), "G": _encode(system.frdata[0, 0]), "dt": dt}
+    return {"kind": "ss", "dt": dt, **{name: _encode(getattr(system, name)) for name in "ABCD"}}
 
 
-def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
+def _decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
     """Return the way back; an empty A, B or C takes its shape from the others."""
     if content["kind"] == "frf":
-        omega, pairs = decode(content["omega"]), decode(content["G"])
+        omega, pairs = _decode(content["omega"]), _decode(content["G"])
         if pairs.shape != (*omega.shape, 2) or not omega.size:
             raise ValueError(f"G must have one pair for each of {omega.size} frequencies, got the shape {pairs.shape}")
         return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], omega, content["dt"])
-    D = np.atleast_2d(decode(content["D"]))
+    D = np.atleast_2d(_decode(content["D"]))
     if not D.size:
         raise ValueError("D must have a number for each input and output, got none")
     n = len(content["A"])
     shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n)}
-    matrices = {name: decode(content[name]) for name in shapes}
+    matrices = {name: _decode(content[name]) for name in shapes}
     for name, shape in shapes.items():
         if matrices[name].shape != shape and (matrices[name].size or np.prod(shape)):
             raise ValueError(f"{name} must have the shape {shape}, got {matrices[name].shape}")
     return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
 
 
-def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
+def _read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
     """Return schema and content of a JSON file of one of these schemas, or a refusal."""
     content = parse_json_of(path, *schemas)
     found = str(content["schema"])
-    if content.get("version") != VERSION:
+    if content.get("version") != _VERSION:
         raise ValueError(
-            f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
+            f"path must hold version {_VERSION} of {found}, got {path} with version "
+            f"{short_form(content.get('version'))}"
         )
     require_schema(content, path, package="robust", name=found)
     return found, content
@@ -113,80 +114,80 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
 CERTIFICATE_SCHEMAS = ("robust-certificate", "robust-mu-certificate", "robust-friction-certificate")
-UNITS = {"omega": "rad/s", "delay": "s", "fs": "Hz", "dt": "s"}
+_UNITS = {"omega": "rad/s", "delay": "s", "fs": "Hz", "dt": "s"}
 #: Fields that a set of such a schema does not have.
-FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "scaling")}
-COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
-RECORD_FIELDS = {
+_FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "scaling")}
+_COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
+_RECORD_FIELDS = {
     MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
     MATRIX_SCHEMA: ("omega", "dof", "G", "variance", "gamma"),
 }
 
 
-def encode_model(model: UncertaintyModel) -> JsonObject:
+def _encode_model(model: UncertaintyModel) -> JsonObject:
     """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
-    content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS}
+    content: JsonObject = {"schema": schema, "version": _VERSION, "units": _UNITS}
     for name in field_names(model):
         held = getattr(model, name)
         unknown = held is None or (name in ("records", "warnings", "budget", "scaling") and not held)
-        if unknown or name in FIELDS_LEFT_OUT[schema]:
+        if unknown or name in _FIELDS_LEFT_OUT[schema]:
             continue
         if name == "records":
-            held = [{part: encode(getattr(one, part)) for part in RECORD_FIELDS[schema]} for one in held]
+            held = [{part: _encode(getattr(one, part)) for part in _RECORD_FIELDS[schema]} for one in held]
         elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
-            held = encode_model(replace(held, records=()))
+            held = _encode_model(replace(held, records=()))
         else:
-            held = encode(held)
+            held = _encode(held)
         content[name] = held
     return content
 
 
-def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
+def _decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
     """Return the way back; what a file does not say is as in a set that was not made of a record."""
     known = {
-        field.name: decode_field(content[field.name], str(field.type))
+        field.name: _decode_field(content[field.name], str(field.type))
         for field in fields(UncertaintyModel)
         if field.name in content and field.name not in ("records", "alternative_form")
     }
-    records = tuple(decode_record(one, schema) for one in content.get("records", ()))
+    records = tuple(_decode_record(one, schema) for one in content.get("records", ()))
     if "alternative_form" in content:
-        known["alternative_form"] = replace(decode_model(content["alternative_form"], schema), records=records)
+        known["alternative_form"] = replace(_decode_model(content["alternative_form"], schema), records=records)
     return UncertaintyModel(**known, records=records)
 
 
-TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
+_TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
     "tuple[str, ...]": one_line,
-    "tuple[control.StateSpace, ...]": decode_system,
-    "tuple[SystemField, ...]": decode_system,
+    "tuple[control.StateSpace, ...]": _decode_system,
+    "tuple[SystemField, ...]": _decode_system,
 }
-VALUES = {"Origin": Origin, "JointProbability": JointProbability}
+_VALUES = {"Origin": Origin, "JointProbability": JointProbability}
 
 
-def decode_field(content: Json, kind: str) -> Any:
+def _decode_field(content: Json, kind: str) -> Any:
     """Return a field from JSON, by how it is declared."""
     if kind == "str":
         return one_line(content)
     if kind == "bool":
         return content
-    if kind in TUPLE_DECODERS:
-        return tuple(map(TUPLE_DECODERS[kind], content))
-    if kind in VALUES:
-        types = {field.name: str(field.type) for field in fields(VALUES[kind])}
-        return VALUES[kind](**{name: decode_field(held, types[name]) for name, held in content.items()})
+    if kind in _TUPLE_DECODERS:
+        return tuple(map(_TUPLE_DECODERS[kind], content))
+    if kind in _VALUES:
+        types = {field.name: str(field.type) for field in fields(_VALUES[kind])}
+        return _VALUES[kind](**{name: _decode_field(held, types[name]) for name, held in content.items()})
     if kind.startswith("Mapping"):
-        return {name: decode(part) for name, part in content.items()}
+        return {name: _decode(part) for name, part in content.items()}
     if isinstance(content, dict):
-        return decode_system(content)
-    return float(decode(content)) if kind == "float" else decode(content)
+        return _decode_system(content)
+    return float(_decode(content)) if kind == "float" else _decode(content)
 
 
-def decode_record(content: JsonObject, schema: str) -> RecordSummary:
+def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return what a model remembers of a record."""
     parts: dict[str, ArrayField] = {}
-    for part in RECORD_FIELDS[schema]:
-        held = decode(content[part])
-        if part in COMPLEX_FIELDS[schema]:
+    for part in _RECORD_FIELDS[schema]:
+        held = _decode(content[part])
+        if part in _COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
@@ -198,13 +199,13 @@ def decode_record(content: JsonObject, schema: str) -> RecordSummary:
 
 def save_model(model: UncertaintyModel, path: PathLike) -> None:
     """Write an uncertainty model to a ``.json`` file."""
-    write_json(encode_model(model), path)
+    write_json(_encode_model(model), path)
 
 
 def load_model(path: PathLike) -> UncertaintyModel:
     """Read an uncertainty model back from a ``.json`` file."""
-    schema, content = read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
-    return decode_model(content, schema)
+    schema, content = _read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
+    return _decode_model(content, schema)
 
 
 def save_controller(K: Controller, path: PathLike, *, delay: float | None = None, unit: str = "") -> None:
@@ -213,12 +214,12 @@ def save_controller(K: Controller, path: PathLike, *, delay: float | None = None
     require_kind("unit", unit, str)
     content: JsonObject = {
         "schema": CONTROLLER_SCHEMA,
-        "version": VERSION,
+        "version": _VERSION,
         "units": {"dt": "s"} | ({"G": unit} if unit else {}),
         "feedback": "negative: u = K (r - y)",
-        "K": encode_system(K),
+        "K": _encode_system(K),
     }
-    content |= {name: encode(rows) for name, rows in sections_by_name(K).items()}
+    content |= {name: _encode(rows) for name, rows in sections_by_name(K).items()}
     if delay is not None:
         content["delay"] = require_nonnegative("delay", delay)
     write_json(content, path)
@@ -230,8 +231,8 @@ def load_controller(path: PathLike) -> control.StateSpace:
     if path.suffix.lower() == ".mat":
         require_file_of(path, CONTROLLER_SCHEMA)
         return load_matlab_system(path)
-    _, content = read_json(path, (CONTROLLER_SCHEMA,))
-    return as_controller("K", decode_system(content["K"]))
+    _, content = _read_json(path, (CONTROLLER_SCHEMA,))
+    return as_controller("K", _decode_system(content["K"]))
 
 
 def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
@@ -244,7 +245,7 @@ def load_controller_context(path: PathLike) -> tuple[float | None, str]:
     """Return the computation delay [s] and the unit of the plant that a controller is for; None, "" where unknown."""
     if to_path(path).suffix.lower() == ".mat":
         return None, ""
-    content = read_json(path, (CONTROLLER_SCHEMA,))[1]
+    content = _read_json(path, (CONTROLLER_SCHEMA,))[1]
     found = content.get("delay")
     return None if found is None else float(found), one_line(content["units"].get("G", ""))
 

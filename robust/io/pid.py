@@ -14,12 +14,12 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
-RESPONSE_TOLERANCE = 1e-6
-NOTHING_IN_SAMPLES = 1e6  # Ti over a sample, from which an integral is lost in single precision
-LONGEST_TIME = 2**31 * 1e-3  # that a TIME of IEC 61131-3 holds in S7 blocks [s]
-NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing
-ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
+_INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
+_RESPONSE_TOLERANCE = 1e-6
+_NOTHING_IN_SAMPLES = 1e6  # Ti over a sample, from which an integral is lost in single precision
+_LONGEST_TIME = 2**31 * 1e-3  # that a TIME of IEC 61131-3 holds in S7 blocks [s]
+_NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing
+_ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
 
 
 @value
@@ -201,16 +201,16 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
     require_kind("unit", unit, str)
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
-        return tuple(loop_gains(loop, dt, unit) for loop in split_diagonal("K", K))
-    return loop_gains(K, dt, unit)
+        return tuple(_loop_gains(loop, dt, unit) for loop in split_diagonal("K", K))
+    return _loop_gains(K, dt, unit)
 
 
-def loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
+def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
     """Return the gains of a PID of one loop."""
     sampled = timebase(K)
-    integrates, filter_time = pid_structure(K, sampled)
-    kp, ki, kd = pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)
-    require_same_response(K, sampled, kp=kp, ki=ki, kd=kd, filter_time=filter_time)
+    integrates, filter_time = _pid_structure(K, sampled)
+    kp, ki, kd = _pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)
+    _require_same_response(K, sampled, kp=kp, ki=ki, kd=kd, filter_time=filter_time)
     step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
@@ -245,12 +245,12 @@ def reason_for_unusual_gains(K: Controller) -> str:
     with suppress(ValueError):
         found = pid_gains(K)
         for gains in found if isinstance(found, tuple) else (found,):
-            if reason := unusual_signs(gains) or unusual_integral(gains):
+            if reason := _unusual_signs(gains) or _unusual_integral(gains):
                 return reason
     return ""
 
 
-def unusual_signs(gains: PidGains) -> str:
+def _unusual_signs(gains: PidGains) -> str:
     """Return that gains have different signs; empty where they do not."""
     named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
     if len({gain > 0 for gain in named.values() if gain}) < 2:
@@ -259,10 +259,10 @@ def unusual_signs(gains: PidGains) -> str:
     return f"the PID has {parts}: no PLC takes gains of different signs; --positive keeps them positive"
 
 
-def unusual_integral(gains: PidGains) -> str:
+def _unusual_integral(gains: PidGains) -> str:
     """Return that an integral never comes to anything; empty where it does or there is none."""
     Ti = abs(gains.integral_time)
-    if gains.kp and gains.ki and (NOTHING_IN_SAMPLES * gains.dt if gains.dt else LONGEST_TIME) < Ti:
+    if gains.kp and gains.ki and (_NOTHING_IN_SAMPLES * gains.dt if gains.dt else _LONGEST_TIME) < Ti:
         return f"Ti = {Ti:.4g} s: the integral is nothing; --structure {'PD' if gains.kd else 'P'} leaves it out"
     return ""
 
@@ -283,9 +283,9 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
         slope = gains.kd * s / (gains.filter_time * s + 1)
         size = np.abs(gains.kp + gains.ki / s + slope)
         share = float(np.max(abs(gains.kp) / size))
-        if share <= NEGLIGIBLE:
+        if share <= _NEGLIGIBLE:
             found = f"Kp = {gains.kp:.3g} is at most {100 * share:.2g} % of |K| on the lines"
-            if np.all(np.abs(slope) <= NEGLIGIBLE * size):
+            if np.all(np.abs(slope) <= _NEGLIGIBLE * size):
                 return f"{found}: K is an integrator. Ask for --structure I"
             return (
                 f"{found}: K is an integrator and a derivative, for which no PLC has Ti and Td. Use the parallel form, "
@@ -294,7 +294,7 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
     return ""
 
 
-def pid_coefficients(
+def _pid_coefficients(
     K: control.StateSpace, dt: float, *, integrates: bool, filter_time: float
 ) -> tuple[float, float, float]:
     """Return Kp, Ki and Kd: the value at infinity and the residues at the poles; zero where they are rounding.
@@ -306,7 +306,7 @@ def pid_coefficients(
     p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
     left, right = C @ V, np.linalg.solve(V, B)
     residues = unit * (left[0] * right[:, 0]).real
-    sure = ROUNDING_TOLERANCE * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    sure = _ROUNDING_TOLERANCE * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
     residues = np.where(np.abs(residues) > sure, residues, 0.0)
     slow = np.argsort(np.abs(p))  # the integrator first
     ki = float(residues[slow[0]]) if integrates else 0.0
@@ -315,10 +315,10 @@ def pid_coefficients(
     terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
     terms += abs(kd) / dt if dt else 0.0  # a slow filter in a fast clock is told by 1 - z alone
     kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
-    return kp if abs(kp) > ROUNDING_TOLERANCE * terms else 0.0, ki, kd
+    return kp if abs(kp) > _ROUNDING_TOLERANCE * terms else 0.0, ki, kd
 
 
-def require_same_response(
+def _require_same_response(
     K: control.StateSpace, dt: float, *, kp: float, ki: float, kd: float, filter_time: float
 ) -> None:
     """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
@@ -327,17 +327,17 @@ def require_same_response(
     s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
     wanted = response(K, omega)
     error = np.abs(kp + ki / s + kd * s / (filter_time * s + 1) - wanted)
-    if not np.all(error <= RESPONSE_TOLERANCE * np.abs(wanted)):
+    if not np.all(error <= _RESPONSE_TOLERANCE * np.abs(wanted)):
         worst = np.max(error / np.abs(wanted))
         raise ValueError(f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size")
 
 
-def pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
+def _pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
     """Return whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
     p = poles(K).astype(complex)
     s = 2 / dt * (p - 1) / (p + 1) if dt else p
     size = np.abs(s)
-    zero = size * dt < INTEGRATOR_TOLERANCE if dt else size <= INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
+    zero = size * dt < _INTEGRATOR_TOLERANCE if dt else size <= _INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
     other = s[~zero]
     if zero.sum() > 1 or other.size > 1 or np.any(other.real >= 0) or np.any(np.abs(other.imag) > 1e-6 * np.abs(other)):
         raise ValueError(

@@ -21,12 +21,12 @@ from robust.io.models import (
 )
 from robust.models.sets.model import UncertaintyModel
 
-CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
+_CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
 
 
-def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
+def _save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
     """Write a model, a controller, or the certificate of what was proved."""
-    if isinstance(thing, CONTROLLERS):
+    if isinstance(thing, _CONTROLLERS):
         save_controller(thing, path, delay=delay, unit=unit)
         return
     if delay is not None or unit:
@@ -51,7 +51,7 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         )
 
 
-def load_json(path: PathLike) -> object:
+def _load_json(path: PathLike) -> object:
     """Read a model, a controller or the claim of a certificate, by the schema in the file."""
     schema = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, *CERTIFICATE_SCHEMAS)["schema"]
     if schema not in CERTIFICATE_SCHEMAS:

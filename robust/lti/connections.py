@@ -72,8 +72,8 @@ def feedback(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace
 #
 # u = K (r - y),  L = G K,  S = (1 + L)^-1,  T = 1 - S
 
-INPUTS = ("p_in", "p_out", "r")
-OUTPUTS = ("u", "y", "e")
+_INPUTS = ("p_in", "p_out", "r")
+_OUTPUTS = ("u", "y", "e")
 
 
 def closed_loop(
@@ -103,7 +103,10 @@ def closed_loop(
     A = A + np.vstack([G.B @ u_x, K.B @ e_x])
     B = np.vstack([G.B @ (u_w + np.eye(n_u, n_u + 2 * n_y)), K.B @ e_w])
     C, W = np.vstack([u_x, y_x, e_x]), np.vstack([u_w, y_w, e_w])
-    rows, cols = channel_indices(OUTPUTS, outputs, (n_u, n_y, n_y)), channel_indices(INPUTS, inputs, (n_u, n_y, n_y))
+    rows, cols = (
+        _channel_indices(_OUTPUTS, outputs, (n_u, n_y, n_y)),
+        _channel_indices(_INPUTS, inputs, (n_u, n_y, n_y)),
+    )
     return A, B[:, cols], C[rows], W[np.ix_(rows, cols)]
 
 
@@ -116,7 +119,7 @@ def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
         )
 
 
-def channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
+def _channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
     """Places of the channels of the ports that are wanted, in a vector of them all."""
     first = np.cumsum([0, *sizes])
     return np.concatenate([np.arange(first[k], first[k + 1]) for k in map(names.index, wanted)])

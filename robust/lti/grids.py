@@ -12,17 +12,17 @@ from nlfrf._base.arguments import format_hertz
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
-MAX_MODE_RATIO = 1e9
+_MAX_MODE_RATIO = 1e9
 #: Where a mode is looked at that lies farther away, relative to it.
-MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
+_MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
 #: Ripples of a delay that are looked at, and points on each.
-RIPPLES, POINTS = 150, 8
+_RIPPLES, _POINTS = 150, 8
 #: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
-NEARLY, MOST_MAXIMA = 0.9, 40
+_NEARLY, _MOST_MAXIMA = 0.9, 40
 #: Half widths of a mode from its peak on, as far as it is wide: points a decade, and the narrowest [of its frequency].
-FROM_PEAK, A_DECADE, NARROWEST = 0.1, 8, 1e-12
+_FROM_PEAK, _A_DECADE, _NARROWEST = 0.1, 8, 1e-12
 #: How often the brackets of maxima close in, to a fourth each time or more.
-N_ZOOMS = 5
+_N_ZOOMS = 5
 
 
 def loop_grid(
@@ -48,14 +48,14 @@ def loop_grid(
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.concatenate([np.abs(lines), np.abs(s)])
     centre = np.median(size)
-    size = size[(size > centre / MAX_MODE_RATIO) & (size < MAX_MODE_RATIO * centre)]
+    size = size[(size > centre / _MAX_MODE_RATIO) & (size < _MAX_MODE_RATIO * centre)]
     low, high = size.min() / 100, min(size.max() * 100, top)
     sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
-    ripples = np.arange(1, RIPPLES * POINTS) * (2 * np.pi / (POINTS * delay)) if delay else np.zeros(0)
+    ripples = np.arange(1, _RIPPLES * _POINTS) * (2 * np.pi / (_POINTS * delay)) if delay else np.zeros(0)
     omega = np.concatenate([keep, np.geomspace(low, high, 500), cluster_at_modes(sharp, 41), ripples])
-    far = np.abs(s)[(np.abs(s) <= centre / MAX_MODE_RATIO) | (np.abs(s) >= MAX_MODE_RATIO * centre)]
-    omega = np.concatenate([omega[(omega >= low) & (omega <= high)], np.outer(far, MODE_OFFSETS).ravel()])
+    far = np.abs(s)[(np.abs(s) <= centre / _MAX_MODE_RATIO) | (np.abs(s) >= _MAX_MODE_RATIO * centre)]
+    omega = np.concatenate([omega[(omega >= low) & (omega <= high)], np.outer(far, _MODE_OFFSETS).ravel()])
     return np.unique(omega[(omega > 1e-150) & (omega < min(1e150, top * (1 - 1e-9)))])
 
 
@@ -66,7 +66,7 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
     s = to_s_plane(p, dt)
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.abs(s) if s.size else np.ones(1)
-    size = size[(size > 1e-9 * np.median(size)) & (size < MAX_MODE_RATIO * np.median(size))]
+    size = size[(size > 1e-9 * np.median(size)) & (size < _MAX_MODE_RATIO * np.median(size))]
     top = np.pi / dt if dt else np.inf
     low, high = size.min() / 30, min(size.max() * 30, top)
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
@@ -93,9 +93,9 @@ def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:
     s = s[np.isfinite(s) & (np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     found = [np.zeros(0)]
     for mode in s:
-        half = max(abs(mode.real), NARROWEST * abs(mode))
-        n = int(np.ceil(A_DECADE * np.log10(mode.imag / (FROM_PEAK * half)))) + 1
-        away = np.geomspace(FROM_PEAK * half, 0.9 * mode.imag, max(n, 2))
+        half = max(abs(mode.real), _NARROWEST * abs(mode))
+        n = int(np.ceil(_A_DECADE * np.log10(mode.imag / (_FROM_PEAK * half)))) + 1
+        away = np.geomspace(_FROM_PEAK * half, 0.9 * mode.imag, max(n, 2))
         found += [mode.imag - away, mode.imag + away]
     omega = np.unique(np.concatenate(found))
     return np.asarray(omega[(omega > band[0]) & (omega < band[1])])
@@ -160,12 +160,12 @@ def refine_peaks(
     """
     values = np.where(np.isnan(values), np.inf, values)
     best, where = values.max(axis=1), points[values.argmax(axis=1)]
-    owner, inner = local_maxima(values, best)
+    owner, inner = _local_maxima(values, best)
     each = np.arange(inner.size)
     x = np.log(points[inner + np.array([-1, 0, 1])[:, None]])  # (3, m): a bracket, its best point in the middle
     y = values[owner, inner + np.array([-1, 0, 1])[:, None]]
-    for _ in range(N_ZOOMS if inner.size else 0):
-        near = subdivide_brackets(x, y)
+    for _ in range(_N_ZOOMS if inner.size else 0):
+        near = _subdivide_brackets(x, y)
         zoom = curves(np.exp(near.ravel())).reshape(len(values), *near.shape)[owner, :, each].T
         x, y = np.concatenate([x, near]), np.concatenate([y, np.where(np.isnan(zoom), np.inf, zoom)])
         order = np.argsort(x, axis=0)
@@ -175,23 +175,23 @@ def refine_peaks(
     for k in each[np.argsort(y.max(axis=0))]:
         if y[:, k].max() > best[owner[k]]:
             best[owner[k]], where[owner[k]] = y[:, k].max(), np.exp(x[y[:, k].argmax(), k])
-    return [peak_nearest_band(best[k], where[k], points=points, values=row, band=band) for k, row in enumerate(values)]
+    return [_peak_nearest_band(best[k], where[k], points=points, values=row, band=band) for k, row in enumerate(values)]
 
 
-def local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
     there = (values[:, 1:-1] >= values[:, :-2]) & (values[:, 1:-1] >= values[:, 2:])
     owner, inner = [], []
     for k, row in enumerate(values):
         own = np.flatnonzero(there[k]) + 1
-        own = own[np.argsort(-row[own])][:MOST_MAXIMA]
-        own = np.concatenate([own[:5], own[5:][row[own[5:]] > NEARLY * best[k]]])
+        own = own[np.argsort(-row[own])][:_MOST_MAXIMA]
+        own = np.concatenate([own[:5], own[5:][row[own[5:]] > _NEARLY * best[k]]])
         owner.append(np.full(own.size, k))
         inner.append(own)
     return np.concatenate(owner), np.concatenate(inner)
 
 
-def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(7, m) points inside brackets x (3, m): each half in four, and the top of the parabola through their values y."""
     left, right = x[1] - x[0], x[2] - x[1]
     with np.errstate(all="ignore"):
@@ -202,7 +202,7 @@ def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.concatenate([x[0] + quarters * left, np.where(inside, vertex, x[1])[None], x[1] + quarters * right])
 
 
-def peak_nearest_band(
+def _peak_nearest_band(
     best: float, where: float, *, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> Peak:
     """Return a largest value and where; on a flat top at the point nearest to the band."""

@@ -23,23 +23,23 @@ import numpy as np
 from nlfrf._base.values import value
 
 #: How far above the first line [as a factor] an FRF is read, and the logarithmic width of what is averaged.
-READ_UP_TO, BIN = 30.0, 0.15
+_READ_UP_TO, _BIN = 30.0, 0.15
 #: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior: slope (around one),
 #: lags, modes, right-half-plane zeros, delay over the first line [rad], and what is free. On 2000 machines of
 #: benchmarks.attack_met alpha is then 0.1 rad off (median) and 0.9 (99 %), at most 3.3 of its standard deviations.
-SPACING, DAMPING = 0.5, (0.3, 0.1)
-SLOPE, LAGS, MODES, ZEROS, DELAY, FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
+_SPACING, _DAMPING = 0.5, (0.3, 0.1)
+_SLOPE, _LAGS, _MODES, _ZEROS, _DELAY, _FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
 #: What the model leaves of log G where there is no noise.
-LEFT_OVER = 0.05
+_LEFT_OVER = 0.05
 #: Of each unstable pole, whose phase rises as that of a zero falls.
-UNSTABLE = 0.4
+_UNSTABLE = 0.4
 #: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. After 15
 #: both signs are within the bound of 4 of 500 of those machines, after 5 of 17.
-ROUNDS, FREEDOM = 15, 1.0
+_ROUNDS, _FREEDOM = 15, 1.0
 #: Square of the distance from the likeliest reading up to which others are within the bound: odds of 500 to 1. The true
 #: integrators and sign of those 2000 machines are always within it; both signs are of 24.
-FARTHEST = 2 * np.log(500.0)
-DECADES_BELOW, POINTS_BELOW = 5.0, 160
+_FARTHEST = 2 * np.log(500.0)
+_DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 
 
 @value
@@ -79,10 +79,10 @@ def read_below(
     radius: of the discs around G, of 95 %; n_unstable: unstable poles of the plant, whose phase rises; n_integrators:
     where they are known.
     """
-    at, g, scatter = average_lines(omega, G, radius)
-    theta, C = fit_phase_and_gain(at / omega[0], g, scatter, zeros=float(np.hypot(ZEROS, UNSTABLE * n_unstable)))
-    first = model_columns(np.ones(1), at[-1] / omega[0])[0].imag
-    low = omega[0] * np.geomspace(10**-DECADES_BELOW, 1, POINTS_BELOW + 1)[:-1]
+    at, g, scatter = _average_lines(omega, G, radius)
+    theta, C = _fit_phase_and_gain(at / omega[0], g, scatter, zeros=float(np.hypot(_ZEROS, _UNSTABLE * n_unstable)))
+    first = _model_columns(np.ones(1), at[-1] / omega[0])[0].imag
+    low = omega[0] * np.geomspace(10**-_DECADES_BELOW, 1, _POINTS_BELOW + 1)[:-1]
     slope_variance = float(C[0, 0] - C[0, 1] ** 2 / C[1, 1])
     found = []
     for sign in (1, -1):
@@ -90,7 +90,7 @@ def read_below(
         given_sign = theta + C[:, 1] / C[1, 1] * away
         slope, lag = float(given_sign[0]), float(first @ given_sign - given_sign[1])
         lag += float(np.angle(sign * G[0] * np.exp(-1j * lag)))  # that of the first line, by whole turns near the model
-        most = max(0, int(slope + np.sqrt(slope_variance * FARTHEST)))
+        most = max(0, int(slope + np.sqrt(slope_variance * _FARTHEST)))
         for n in range(most + 1) if n_integrators is None else [n_integrators]:
             distance = away**2 / C[1, 1] + max(0.0, n - slope) ** 2 / slope_variance
             turned = -n * np.pi / 2 + (lag + n * np.pi / 2) * low / omega[0]
@@ -98,24 +98,24 @@ def read_below(
             reading = Reading(n_integrators=n, sign=sign, omega=low, G=below)
             found.append((distance, (away**2, abs(n - slope)), reading))
     nearest = min(distance for distance, _, _ in found)
-    within = [one for one in found if one[0] <= nearest + FARTHEST]
+    within = [one for one in found if one[0] <= nearest + _FARTHEST]
     return tuple(reading for _, _, reading in sorted(within, key=lambda one: one[1]))
 
 
 def radius_below(omega: np.ndarray, w: np.ndarray) -> float:
     """Return the relative radius below the first line: the least of the first lines, as one may scatter low."""
-    return float(w[omega <= omega[0] * np.exp(BIN)].min())
+    return float(w[omega <= omega[0] * np.exp(_BIN)].min())
 
 
-def average_lines(
+def _average_lines(
     omega: np.ndarray, G: np.ndarray, radius: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return frequency, mean response and relative standard deviation of the lines of every bin, the lowest first."""
-    near = omega <= READ_UP_TO * omega[0]
+    near = omega <= _READ_UP_TO * omega[0]
     omega, G = omega[near], np.where(G[near] == 0, 1e-300, G[near])
     scatter = np.broadcast_to(radius, near.shape)[near] / np.abs(G) / np.sqrt(-np.log(0.05))
-    weight = 1 / (scatter**2 + LEFT_OVER**2)
-    bins = np.unique(np.floor(np.log(omega / omega[0]) / BIN), return_inverse=True)[1]
+    weight = 1 / (scatter**2 + _LEFT_OVER**2)
+    bins = np.unique(np.floor(np.log(omega / omega[0]) / _BIN), return_inverse=True)[1]
 
     def total(x: np.ndarray) -> np.ndarray:
         return np.bincount(bins, x)
@@ -128,10 +128,10 @@ def average_lines(
     return at, mean * size[first], spread
 
 
-def model_columns(x: np.ndarray, top: float) -> np.ndarray:
+def _model_columns(x: np.ndarray, top: float) -> np.ndarray:
     """Return (W, m) columns of log G at frequencies x over the first line: nu, alpha, log k, tau, c, a and m."""
     s = 1j * x[:, None]
-    corners, modes = places(top)
+    corners, modes = _places(top)
     one = np.ones_like(s)
     return np.hstack(
         [
@@ -141,37 +141,37 @@ def model_columns(x: np.ndarray, top: float) -> np.ndarray:
             -s,
             -np.log(1 + s / corners),
             np.log((1 - s / corners) / (1 + s / corners)),
-            *(-np.log(1 + 2 * zeta * s / modes + (s / modes) ** 2) for zeta in DAMPING),
+            *(-np.log(1 + 2 * zeta * s / modes + (s / modes) ** 2) for zeta in _DAMPING),
         ]
     )
 
 
-def places(top: float) -> tuple[np.ndarray, np.ndarray]:
+def _places(top: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where lags and zeros, and where modes are, over the first line, for lines up to `top`."""
-    return np.exp(np.arange(0, np.log(3 * top), SPACING)), np.exp(np.arange(0, np.log(1.5 * top), 2 * BIN))
+    return np.exp(np.arange(0, np.log(3 * top), _SPACING)), np.exp(np.arange(0, np.log(1.5 * top), 2 * _BIN))
 
 
-def fit_phase_and_gain(
+def _fit_phase_and_gain(
     x: np.ndarray, g: np.ndarray, scatter: np.ndarray, *, zeros: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return coefficients (m,) of the model of log g and their covariance; the phase is unwrapped along the gain."""
-    columns, (corners, modes) = model_columns(x, x[-1]), places(x[-1])
-    each = ((LAGS, corners.size), (zeros, corners.size), (MODES, len(DAMPING) * modes.size))
-    deviations = np.concatenate([[SLOPE, FREE, FREE, DELAY], *(np.full(count, size) for size, count in each)])
+    columns, (corners, modes) = _model_columns(x, x[-1]), _places(x[-1])
+    each = ((_LAGS, corners.size), (zeros, corners.size), (_MODES, len(_DAMPING) * modes.size))
+    deviations = np.concatenate([[_SLOPE, _FREE, _FREE, _DELAY], *(np.full(count, size) for size, count in each)])
     mean = np.zeros(deviations.size)
     mean[0] = 1.0
-    weight = 1 / np.sqrt(scatter**2 / 2 + LEFT_OVER**2)
+    weight = 1 / np.sqrt(scatter**2 / 2 + _LEFT_OVER**2)
     log_gain = np.log(np.abs(g))
 
     def solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trust = np.ones(len(y))
-        for _ in range(ROUNDS):  # of Student's t: a mode too sharp for the model is an outlier, and no more
+        for _ in range(_ROUNDS):  # of Student's t: a mode too sharp for the model is an outlier, and no more
             of_data = A.T @ (trust[:, None] * A)
             C = np.linalg.inv(of_data + np.diag(deviations**-2.0))
             theta = C @ (A.T @ (trust * y) + mean / deviations**2)
             left = (A @ theta - y) ** 2
             scale = max(1.0, float(np.sum(trust * left) / (len(y) - np.trace(C @ of_data))))
-            trust = (FREEDOM + 1) / (FREEDOM + left / scale)
+            trust = (_FREEDOM + 1) / (_FREEDOM + left / scale)
         return theta, C * scale
 
     by_gain, _ = solve(columns.real * weight[:, None], log_gain * weight)

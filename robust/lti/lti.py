@@ -21,30 +21,30 @@ if TYPE_CHECKING:
 # python-control: to a file goes `robust.save`.
 
 
-def make_picklable() -> None:
+def _make_picklable() -> None:
     """Let every pickler reduce a state space to numbers and names."""
-    copyreg.pickle(control.StateSpace, reduce_state_space)
+    copyreg.pickle(control.StateSpace, _reduce_state_space)
 
 
-def reduce_state_space(system: control.StateSpace) -> tuple[Callable[..., control.StateSpace], tuple[object, ...]]:
+def _reduce_state_space(system: control.StateSpace) -> tuple[Callable[..., control.StateSpace], tuple[object, ...]]:
     """Return how to make the system again: a function and what it is given."""
     names = {"inputs": system.input_labels, "outputs": system.output_labels, "states": system.state_labels}
     numbers = (system.A, system.B, system.C, system.D, system.dt)
-    return rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
+    return _rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
 
 
-def rebuild_state_space(numbers: tuple[object, ...], names: dict[str, object]) -> control.StateSpace:
+def _rebuild_state_space(numbers: tuple[object, ...], names: dict[str, object]) -> control.StateSpace:
     """Return the system from its numbers and names."""
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
 
 #: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
-POLE_RESPONSE = 1e140
-SCHUR_STATES = 40
+_POLE_RESPONSE = 1e140
+_SCHUR_STATES = 40
 SAMPLING_TOLERANCE = 1e-9  # of a sampling time: two that differ by less are one
-CHUNK_ENTRIES = 8000  # numbers of the matrices that are solved together: they stay in the cache
+_CHUNK_ENTRIES = 8000  # numbers of the matrices that are solved together: they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-make_picklable()  # here, as every room that makes or takes a system stands on this one
+_make_picklable()  # here, as every room that makes or takes a system stands on this one
 
 
 def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
@@ -127,10 +127,10 @@ def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarr
     """`response` of one system, made ready for any number of calls."""
     dt = timebase(system)
     A = system.A - np.eye(system.nstates) if dt else system.A
-    return partial(siso_response, make_evaluator(A, system.B, C=system.C, D=system.D), dt)
+    return partial(_siso_response, _make_evaluator(A, system.B, C=system.C, D=system.D), dt)
 
 
-def siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
+def _siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
     """Return (W,) `response` of a system that was made ready."""
     return at(axis_offset(omega, dt))[:, 0, 0]
 
@@ -140,7 +140,7 @@ def replace_infinite(response: np.ndarray) -> np.ndarray:
 
     What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
     """
-    return np.where(np.isinf(response), POLE_RESPONSE, response)
+    return np.where(np.isinf(response), _POLE_RESPONSE, response)
 
 
 def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
@@ -168,19 +168,21 @@ def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarra
 
 def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return (W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
-    return make_evaluator(A, B, C=C, D=D)(points)
+    return _make_evaluator(A, B, C=C, D=D)(points)
 
 
-def make_evaluator(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _make_evaluator(
+    A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
     """`evaluate_transfer` of one system, made ready for any number of calls."""
     if A.shape[0]:
         A, B, C = scale_states(A, B, C)
         order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
         A, B, C = A[np.ix_(order, order)], B[order], C[:, order]
-    return partial(evaluate_direct, A, B, C, D)
+    return partial(_evaluate_direct, A, B, C, D)
 
 
-def evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`evaluate_transfer` of a system that was made ready."""
     n = A.shape[0]
     points = np.atleast_1d(np.asarray(points, dtype=complex))
@@ -191,33 +193,33 @@ def evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, 
     finite = np.isfinite(points)
     known = slice(None) if finite.all() else finite
     inside = points[known]
-    if n > SCHUR_STATES and points.size > 4:
-        out[known] += evaluate_by_schur(A, B, C=C, points=inside)
+    if n > _SCHUR_STATES and points.size > 4:
+        out[known] += _evaluate_by_schur(A, B, C=C, points=inside)
         return out
     found = np.empty((inside.size, *D.shape), dtype=complex)
-    step = max(1, CHUNK_ENTRIES // (n * n))
+    step = max(1, _CHUNK_ENTRIES // (n * n))
     pencil = np.empty((min(step, inside.size), n, n), dtype=complex)
     for first in range(0, inside.size, step):
         part = inside[first : first + step]
         here = pencil[: part.size]
         here[:] = -A
         here.reshape(part.size, n * n)[:, :: n + 1] += part[:, None]
-        found[first : first + step] = solve_pencil(here, B, C)
+        found[first : first + step] = _solve_pencil(here, B, C)
     out[known] += found
     return out
 
 
-def solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+def _solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return (W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
     try:
         return np.asarray(C @ np.linalg.solve(pencil, B[None]))
     except np.linalg.LinAlgError:
         if len(pencil) == 1:
             return np.full((1, len(C), B.shape[1]), np.inf, dtype=complex)
-        return np.concatenate([solve_pencil(one[None], B, C) for one in pencil])
+        return np.concatenate([_solve_pencil(one[None], B, C) for one in pencil])
 
 
-def evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return (W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
 
     For long delay lines; solving point by point keeps more digits where modes lie decades apart.

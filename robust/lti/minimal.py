@@ -16,11 +16,11 @@ from scipy.linalg import block_diag, schur, solve_sylvester
 from nlfrf._base.numbers import EPS, TINY
 
 #: Share of the largest direction from which on one counts as reached; below is rounding.
-LEAST_REACHED = 1e-9
+_LEAST_REACHED = 1e-9
 #: Scatter of poles, relative to their size, below which their differences count for less.
-LEAST_SCATTER = 1e-3
+_LEAST_SCATTER = 1e-3
 #: Distance of a zero of an entry from its pole, relative to the pole, below which the two cancel.
-CANCELLED = 1e-9
+_CANCELLED = 1e-9
 
 
 class EntryModes(NamedTuple):
@@ -52,11 +52,11 @@ def sum_modes(
     for inside in np.unique(near, axis=0):
         group, others = p[inside], p[~inside]
         is_real = bool(np.any(group.imag <= link * np.abs(group)))
-        parts = [part for one in modes if (part := select_modes(one, group, others, is_real)).c.any()]
+        parts = [part for one in modes if (part := _select_modes(one, group, others, is_real)).c.any()]
         if not parts:
             lost.append(group)
             continue
-        A, B, C = reach_and_see(parts, shape)
+        A, B, C = _reach_and_see(parts, shape)
         if not is_real:  # one of each pair, z: the real and imaginary part of z are the states of both
             A = np.block([[A.real, -A.imag], [A.imag, A.real]])
             B, C = np.sqrt(2) * np.vstack([B.real, B.imag]), np.sqrt(2) * np.hstack([C.real, -C.imag])
@@ -65,7 +65,7 @@ def sum_modes(
     return block_diag(*As[1:] or As), np.vstack(Bs), np.hstack(Cs), np.concatenate(lost)
 
 
-def select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_real: bool) -> EntryModes:
+def _select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_real: bool) -> EntryModes:
     """Return the modes of an entry at a group of poles, those in the lower half plane only if the group is real."""
 
     def belongs(re: complex, im: float = 0.0) -> bool:
@@ -79,12 +79,12 @@ def select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_real
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < len(T) else np.zeros((k, len(T) - k))
     forth = Z.conj().T @ one.b
     at, n = np.linalg.eigvals(T[:k, :k]), one.numerator
-    by_zero = CANCELLED * np.abs(at * np.polyval(np.polyder(n), at))  # one step of Newton's method away
+    by_zero = _CANCELLED * np.abs(at * np.polyval(np.polyder(n), at))  # one step of Newton's method away
     stays = np.abs(np.polyval(n, at)) > by_zero + 10 * EPS * np.polyval(np.abs(n), np.abs(at))
     return one._replace(A=T[:k, :k], b=forth[:k] - X @ forth[k:], c=stays.any() * one.c @ Z[:, :k])
 
 
-def reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (A, B, C) of the states of poles of one size that inputs reach and outputs see."""
     size = np.zeros(shape)
     for one in parts:
@@ -100,9 +100,9 @@ def reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple[
         first = at.stop
     centre = np.trace(A) / len(A)
     N = A - centre * np.eye(len(A))
-    N /= max(float(np.linalg.norm(N)), LEAST_SCATTER * abs(centre), TINY)
-    Q = reached_states(N, B)
-    Q = Q @ reached_states((Q.conj().T @ N @ Q).conj().T, (C @ Q).conj().T)
+    N /= max(float(np.linalg.norm(N)), _LEAST_SCATTER * abs(centre), TINY)
+    Q = _reached_states(N, B)
+    Q = Q @ _reached_states((Q.conj().T @ N @ Q).conj().T, (C @ Q).conj().T)
     return Q.conj().T @ A @ Q, Q.conj().T @ B * columns, C @ Q * rows[:, None]
 
 
@@ -117,10 +117,10 @@ def channel_units(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.exp(rows), np.exp(columns)
 
 
-def reached_states(N: np.ndarray, B: np.ndarray) -> np.ndarray:
+def _reached_states(N: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis (n, r) of the states that B reaches through N, of norm one."""
     basis = np.zeros((len(N), 0), N.dtype)
-    new, least = B, LEAST_REACHED * float(np.linalg.norm(B, 2))
+    new, least = B, _LEAST_REACHED * float(np.linalg.norm(B, 2))
     while basis.shape[1] < len(N):
         for _ in range(2):  # the second one takes off what rounding left
             new = new - basis @ (basis.conj().T @ new)
@@ -128,6 +128,6 @@ def reached_states(N: np.ndarray, B: np.ndarray) -> np.ndarray:
         found = U[:, sizes > least]
         if not found.shape[1]:
             break
-        basis, least = np.hstack([basis, found]), LEAST_REACHED
+        basis, least = np.hstack([basis, found]), _LEAST_REACHED
         new = N @ found
     return basis

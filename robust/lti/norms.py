@@ -18,7 +18,7 @@ def to_continuous(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Bilinear image z = (1 + s)/(1 - s): keeps stability and norms; omega maps to tan(omega dt / 2)."""
     n = A.shape[0]
-    inverse = invert_for_bilinear(A + np.eye(n), "z = -1 (the Nyquist frequency)")
+    inverse = _invert_for_bilinear(A + np.eye(n), "z = -1 (the Nyquist frequency)")
     return inverse @ (A - np.eye(n)), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D - C @ inverse @ B
 
 
@@ -27,11 +27,11 @@ def to_discrete(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Bilinear image s = (z - 1)/(z + 1) of a continuous system, the inverse of `to_continuous`."""
     n = A.shape[0]
-    inverse = invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
+    inverse = _invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
 
 
-def invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
+def _invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
     """Return the inverse a bilinear map needs, or a refusal that names the pole in its way."""
     try:
         return np.linalg.inv(A)
@@ -68,7 +68,7 @@ def from_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
 
 
 EPS = np.finfo(float).eps
-LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singular value of D
+_LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singular value of D
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
@@ -89,7 +89,7 @@ def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
         return matrices, np.eye(n)
     A, weights = balance_matrix(A)
     B, C = B / weights[:, None], C * weights
-    candidates = [balancing_coordinates(A, B, C), modal_coordinates(A)]
+    candidates = [_balancing_coordinates(A, B, C), modal_coordinates(A)]
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
     before = evaluate_transfer(*matrices, 1j * omega)
     size = np.abs(before).max(axis=(1, 2), keepdims=True)
@@ -103,7 +103,7 @@ def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
     return (A, B, C, D), np.diag(1 / weights)
 
 
-def balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def _balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Coordinates that balance the Gramians, and back; None where they are not to be trusted."""
     speed = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)))))
     drive, sense = B @ B.T, C.T @ C
@@ -172,10 +172,10 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     rounding = EPS / min(smallest, 1.0)  # of what the Hamiltonian is made from, relative to it
     F = A + B @ np.linalg.solve(inner, Dh @ C)
     H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
-    return eigenvalues_near_axis(H, rounding)
+    return _eigenvalues_near_axis(H, rounding)
 
 
-def eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
     if not np.isfinite(H).all():
         return None
@@ -207,22 +207,22 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
     gains = largest_gain(matrices, starts)
     peak, norm = float(starts[gains.argmax()]), float(gains.max())
     for _ in range(30):
-        higher = find_gain_above(matrices, norm, tolerance) if norm else None
+        higher = _find_gain_above(matrices, norm, tolerance) if norm else None
         if higher is None:
             break
         norm, peak = higher
     return norm, 2 / dt * float(np.arctan(peak)) if dt else peak
 
 
-def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
+def _find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
     """Return a gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
 
     Beside a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) the Hamiltonian says
     nothing for rounding: peaks that are well above it are looked for first.
     """
     sizes = np.linalg.svd(matrices[3], compute_uv=False)
-    near_direct = np.any(np.abs(sizes - norm) < LEVEL_OFFSETS[0] * norm)
-    for step in (*LEVEL_OFFSETS, tolerance) if near_direct else (tolerance,):
+    near_direct = np.any(np.abs(sizes - norm) < _LEVEL_OFFSETS[0] * norm)
+    for step in (*_LEVEL_OFFSETS, tolerance) if near_direct else (tolerance,):
         found = crossings(matrices, norm * (1 + step))
         if found is None or not found[0].size:
             continue
@@ -236,11 +236,11 @@ def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[
 
 # ---- Stabilising solutions of Riccati equations.
 
-WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
-RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
+_WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
+_RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
 #: The same at all: without a solution the pencil gives a matrix that leaves a tenth. Of 54 published problems 1e-6
 #: worsens one by 17 %, as slow poles leave more of a solution, and 1e-8 refutes a level that is reached.
-MAX_RESIDUAL = 1e-3
+_MAX_RESIDUAL = 1e-3
 
 
 def stabilising_riccati(
@@ -255,8 +255,8 @@ def stabilising_riccati(
         return np.zeros((0, 0))
     if not Q.any() and not S.any() and np.linalg.eigvals(A).real.max() < 0:
         return np.zeros((n, n))  # which rounding would give a sign
-    quick = quick and np.linalg.cond(R) < WELL_CONDITIONED
-    solvers = (riccati_by_hamiltonian, riccati_by_pencil) if quick else (riccati_by_pencil, riccati_by_hamiltonian)
+    quick = quick and np.linalg.cond(R) < _WELL_CONDITIONED
+    solvers = (_riccati_by_hamiltonian, _riccati_by_pencil) if quick else (_riccati_by_pencil, _riccati_by_hamiltonian)
     for solve in solvers:
         try:
             with warnings.catch_warnings():
@@ -273,8 +273,8 @@ def stabilising_riccati(
         X = (X + X.T) / 2
         left = A.T @ X + X @ A - (X @ B + S) @ gain + Q
         terms = 2 * np.linalg.norm(A.T @ X) + np.linalg.norm((X @ B + S) @ gain) + np.linalg.norm(Q)
-        another = quick and solve is riccati_by_hamiltonian
-        if not np.linalg.norm(left) <= (RICCATI_RESIDUAL if another else MAX_RESIDUAL) * terms:
+        another = quick and solve is _riccati_by_hamiltonian
+        if not np.linalg.norm(left) <= (_RICCATI_RESIDUAL if another else _MAX_RESIDUAL) * terms:
             continue
         # X = 0 is a solution too, and a slow pole magnifies its rounding
         slowest = max(float(np.abs(poles).min()), 1e-12)
@@ -284,12 +284,12 @@ def stabilising_riccati(
     return None
 
 
-def riccati_by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+def _riccati_by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
     """SciPy's solver, on the extended pencil: R need not be well conditioned."""
     return np.asarray(solve_continuous_are(A, B, Q, R, s=S))
 
 
-def riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+def _riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
     """From the stable subspace of the Hamiltonian, whose slow eigenvalues are the more exact ones."""
     n = A.shape[0]
     F = A - B @ np.linalg.solve(R, S.T)

@@ -31,29 +31,29 @@ from robust.lti.minimal import EntryModes, sum_modes
 def multivariable(name: str, system: object) -> control.StateSpace:
     """Return the system as a state space with any number of inputs and outputs, or a refusal."""
     if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
-        system = control.StateSpace([], [], [], gain_matrix(name, system), None)
+        system = control.StateSpace([], [], [], _gain_matrix(name, system), None)
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
         real = state_space(name, system)
         system = control.StateSpace(
             real.A, real.B, real.C, real.D, real.dt, inputs=system.input_labels, outputs=system.output_labels
         )
     if isinstance(system, control.TransferFunction):
-        system = realise_transfer_matrix(name, system)
+        system = _realise_transfer_matrix(name, system)
     if not isinstance(system, control.StateSpace):
         # a model or a fit, where the plant alone is wanted
         parts = [part for part in ("nominal", "G") if isinstance(getattr(system, part, None), control.StateSpace)]
         cure = f" Give its {parts[-1]}." if parts else ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
-    return require_complete(name, system)
+    return _require_complete(name, system)
 
 
 #: Poles that lie nearer, relative to their size, are summed together, as one of multiplicity 4 scatters by 1e-4. Where
 #: the response shows that this was too near, all within a decade are, then all.
-LINKED_POLES = (1e-2, 0.9, np.inf)
-LARGEST_RESPONSE_ERROR = 1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
+_LINKED_POLES = (1e-2, 0.9, np.inf)
+_LARGEST_RESPONSE_ERROR = 1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
 
 
-def realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:
+def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:
     """Return a minimal state space of a matrix of transfer functions, or a refusal where it hides an unstable mode.
 
     Modes that entries have in common are one mode. An unstable one that cancels within an entry would be lost.
@@ -71,16 +71,16 @@ def realise_transfer_matrix(name: str, system: control.TransferFunction) -> cont
     modes = [
         EntryModes(row, column, part.A, part.B[:, 0], part.C[0], numerator)
         for (row, column), (num, den) in zip(np.ndindex(shape), fractions, strict=True)
-        for part, numerator in split_at_zero(name, num, den, speed)
+        for part, numerator in _split_at_zero(name, num, den, speed)
         if part.nstates
     ]
     points = speeds * np.exp(1j)
     right = np.reshape([np.polyval(num, points) / np.polyval(den, points) for num, den in fractions], (*shape, -1))
-    for link in LINKED_POLES:
+    for link in _LINKED_POLES:
         A, B, C, lost = sum_modes(modes, shape, link)
         found = control.StateSpace(speed * A, np.sqrt(speed) * B, np.sqrt(speed) * C, D, system.dt)
         error = np.moveaxis(evaluate_transfer(found.A, found.B, found.C, D, points), 0, 2) - right
-        if np.all(np.abs(error) <= LARGEST_RESPONSE_ERROR * np.abs(right)):
+        if np.all(np.abs(error) <= _LARGEST_RESPONSE_ERROR * np.abs(right)):
             break
     hidden = np.real_if_close(speed * lost[np.abs(lost) >= 1 if timebase(system) else lost.real >= 0])
     if hidden.size:
@@ -88,7 +88,7 @@ def realise_transfer_matrix(name: str, system: control.TransferFunction) -> cont
     return with_names(found, system.input_labels, system.output_labels)
 
 
-def split_at_zero(
+def _split_at_zero(
     name: str, num: np.ndarray, den: np.ndarray, speed: float
 ) -> list[tuple[control.StateSpace, np.ndarray]]:
     """Return the parts of num / den with poles at zero and elsewhere, in time times `speed`, and their numerators.
@@ -105,7 +105,7 @@ def split_at_zero(
     return [(chain, np.ones(1)), (from_polynomials(name, others, den=rest, dt=None), others)]
 
 
-def gain_matrix(name: str, gain: object) -> np.ndarray:
+def _gain_matrix(name: str, gain: object) -> np.ndarray:
     """Return a constant gain as a matrix, or a refusal."""
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
@@ -131,14 +131,14 @@ def state_space(name: str, system: object) -> control.StateSpace:
     if not isinstance(system, control.StateSpace):
         raise ValueError(
             f"{name} must be a control.StateSpace, a TransferFunction or a number, got {short_form(system)}"
-            + controller_hint(system)
+            + _controller_hint(system)
         )
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
-    return require_complete(name, system)
+    return _require_complete(name, system)
 
 
-def controller_hint(thing: object) -> str:
+def _controller_hint(thing: object) -> str:
     """Return where the controller of a design is found, for a refusal of the design itself; else an empty string."""
     return "; its controller is its field K" if isinstance(getattr(thing, "K", None), control.StateSpace) else ""
 
@@ -172,7 +172,7 @@ def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateS
     return control.StateSpace(A[np.ix_(kept, kept)], B[kept], C[:, kept], D, dt, remove_useless_states=False)
 
 
-def require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
+def _require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
     """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
@@ -238,13 +238,13 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
             mine = zero_pairs.pop(0)
         elif zero_rest and not pole_rest:
             mine = (zero_rest.pop(),)
-        chain.append(second_order_section(mine, pair, dt))
+        chain.append(_second_order_section(mine, pair, dt))
     if pole_rest:
-        chain.append(second_order_section(tuple(zero_rest), (pole_rest[0],), dt))
-    return balance_states(in_series(*chain))
+        chain.append(_second_order_section(tuple(zero_rest), (pole_rest[0],), dt))
+    return _balance_states(in_series(*chain))
 
 
-def balance_states(system: control.StateSpace) -> control.StateSpace:
+def _balance_states(system: control.StateSpace) -> control.StateSpace:
     """Scale the states by powers of two, which makes A, B and C alike in size: before polynomials are made of them.
 
     A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
@@ -263,14 +263,14 @@ def balance_states(system: control.StateSpace) -> control.StateSpace:
 
 def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
     """Conjugate pairs, then pairs of real roots in order of size; and the real root that is left, if any."""
-    real, upper = split_conjugates(roots, 1e-12)
+    real, upper = _split_conjugates(roots, 1e-12)
     alone = list(real)
     pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
     rest = [complex(alone.pop(0))] if len(alone) % 2 else []
     return pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)], rest
 
 
-def second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
+def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
     """One section with one or two poles and at most as many zeros, leading coefficients one."""
     if len(poles) == 1:
         p = poles[0].real
@@ -339,11 +339,11 @@ def frequency_response(
 
 def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
     """Real roots, then pairs with the upper one first, exactly conjugate; real up to a relative tolerance."""
-    real, upper = split_conjugates(roots, tolerance)
+    real, upper = _split_conjugates(roots, tolerance)
     return np.concatenate([real + 0j, np.column_stack([upper, upper.conj()]).ravel()])
 
 
-def split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def _split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the real roots of a real polynomial, in order of size, and the upper ones of its pairs."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= tolerance * np.abs(roots)

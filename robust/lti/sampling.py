@@ -13,11 +13,11 @@ from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 
-ALLPASS_TOLERANCE = (
+_ALLPASS_TOLERANCE = (
     1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
 )
-DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
-SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
+_DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
+_SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
 
 
 def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
@@ -114,7 +114,7 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
     return whole
 
 
-def delayed(system: control.StateSpace, delay: float, *, order: int = DELAY_ORDER) -> control.StateSpace:
+def delayed(system: control.StateSpace, delay: float, *, order: int = _DELAY_ORDER) -> control.StateSpace:
     """Return the system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
     if delay == 0:
         return system
@@ -162,10 +162,10 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     p, z = poles(system), zeros(system)
     with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero mirrors no zero
         distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
-    mirrored = (distance.min(axis=1, initial=1.0) < ALLPASS_TOLERANCE) & (p.real < -ALLPASS_TOLERANCE * np.abs(p))
+    mirrored = (distance.min(axis=1, initial=1.0) < _ALLPASS_TOLERANCE) & (p.real < -_ALLPASS_TOLERANCE * np.abs(p))
     n = int(mirrored.sum())
     delay = float(np.sum(-2 * (1 / p[mirrored]).real))
-    if not n or not roots_match(p[mirrored], poles(pade(delay, n))):
+    if not n or not _roots_match(p[mirrored], poles(pade(delay, n))):
         return system, 0.0
     kept = np.ones(z.size, bool)
     kept[np.argmin(distance[mirrored], axis=1)] = False
@@ -174,11 +174,11 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     return from_roots(z[kept], p[~mirrored], float(gain.real * (-1) ** n), 0.0), delay
 
 
-def roots_match(some: np.ndarray, other: np.ndarray) -> bool:
+def _roots_match(some: np.ndarray, other: np.ndarray) -> bool:
     """Return whether each root has one of the other set beside it."""
     distances = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
     return bool(
-        distances.min(axis=1).max() < ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size
+        distances.min(axis=1).max() < _ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size
     )
 
 
@@ -249,7 +249,7 @@ def hold_correction(omega: np.ndarray, hold: str, *, fs: float, dt: float) -> np
     dt : float
         Sampling time of the model [s].
     """
-    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < SAMPLING_TOLERANCE):
+    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < _SAMPLING_TOLERANCE):
         return np.ones(np.size(omega), dtype=complex)
     put_in = hold_response(omega, dt) if dt else np.ones(np.size(omega), dtype=complex)
     return put_in / hold_response(omega, 1 / fs) if hold == "zoh" else put_in

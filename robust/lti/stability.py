@@ -86,7 +86,7 @@ def delay_pole_count(L: control.StateSpace, delay: float) -> float:
     found = crossings((L.A, L.B, L.C, L.D), 1.0)
     if direct > 1 or found is None:
         return np.inf if direct > 1 + 1e-9 else np.nan
-    clusters = merge_intervals(*found)
+    clusters = _merge_intervals(*found)
     if not clusters:
         return 0.0
     low, high = np.array(clusters).T
@@ -105,7 +105,7 @@ def delay_pole_count(L: control.StateSpace, delay: float) -> float:
     return float(total)
 
 
-def merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
+def _merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
     """Intervals in which the crossings lie, those that overlap put together."""
     out: list[tuple[float, float]] = []
     for k in np.argsort(omega - moved):
@@ -161,7 +161,7 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
 # ---- How often 1 + L winds about zero, counted on the lines of an FRF.
 
 #: Phase that a plant may turn from line to line where |L| is above the second number.
-LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
+LARGEST_JUMP, _SMALL_LOOP = 2 * np.pi / 3, 0.01
 
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
@@ -192,8 +192,8 @@ def windings(
     """Return the winding number of every reading of a plant below its first line, and whether the lines resolve it."""
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
-    large = np.abs(L) > SMALL_LOOP
-    trusted = not np.any(jump & (large[1:] | large[:-1])) and passes_clear_of_minus_one(L)
+    large = np.abs(L) > _SMALL_LOOP
+    trusted = not np.any(jump & (large[1:] | large[:-1])) and _passes_clear_of_minus_one(L)
     # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
     trusted &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
     trusted &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
@@ -209,11 +209,11 @@ def windings(
         F = 1 + interpolate_frf(at, whole, np.concatenate([reading.G, G])) * k
         found, clear = count_half_turns(F, reading.n_integrators + n_K)
         turns.append(round(float(found)))
-        trusted &= bool(clear and is_resolved(F, np.log(at)))
+        trusted &= bool(clear and _is_resolved(F, np.log(at)))
     return tuple(turns), bool(trusted)
 
 
-def passes_clear_of_minus_one(L: np.ndarray) -> bool:
+def _passes_clear_of_minus_one(L: np.ndarray) -> bool:
     """Whether L passes -1 on a side that two lines leave no doubt about, wherever it crosses the negative real axis.
 
     A mode between two lines takes L along an arc: where the phase falls by d it may reach |L|/cos(d/2) on the way,
@@ -252,7 +252,7 @@ def integrator_poles(system: control.StateSpace, dt: float) -> int:
     return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
 
 
-def is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
+def _is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
     """Return whether the polygon through the lines stays further from zero than the curve may bulge between them.
 
     The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.

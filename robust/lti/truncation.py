@@ -15,12 +15,12 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 
 from robust.lti.lti import Matrices
 
-AXIS_TOLERANCE = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
+_AXIS_TOLERANCE = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
 
 
-def split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+def _split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return (A, B, C) of the modes that are kept, those not strictly stable, and of the others."""
-    n, size = A.shape[0], AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
+    n, size = A.shape[0], _AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
     T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
@@ -34,24 +34,24 @@ def split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.n
 def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """(way, order, system) for every order: of the strictly stable part of a system, with the rest added."""
     A, B, C, D = K
-    kept, (A, B, C) = split_modes(A, B, C)
+    kept, (A, B, C) = _split_modes(A, B, C)
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)
-    for way, small in truncations((A, B, C, D), P, Q):
-        yield f"balanced, {way}", small[0].shape[0] + kept[0].shape[0], add_systems(kept, small)
+    for way, small in _truncations((A, B, C, D), P, Q):
+        yield f"balanced, {way}", small[0].shape[0] + kept[0].shape[0], _add_systems(kept, small)
 
 
 def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """Return reductions K_r of each order, for a small norm of behind (K - K_r) before with stable weights (Enns)."""
     A, B, C, D = K
-    kept, (A, B, C) = split_modes(A, B, C)
+    kept, (A, B, C) = _split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
     driven = np.block([[A, B @ Cb], [np.zeros((Ab.shape[0], n)), Ab]])
     A_weighted = np.block([[A, np.zeros((n, Aa.shape[0]))], [Ba @ C, Aa]])
     into, out = np.vstack([B @ Db, Bb]), np.hstack([behind[3] @ C, Ca])
     P = solve_continuous_lyapunov(driven, -into @ into.T)[:n, :n]
     Q = solve_continuous_lyapunov(A_weighted.T, -out.T @ out)[:n, :n]
-    for way, small in truncations((A, B, C, D), P, Q):
-        yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], add_systems(kept, small)
+    for way, small in _truncations((A, B, C, D), P, Q):
+        yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], _add_systems(kept, small)
 
 
 def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
@@ -66,7 +66,7 @@ def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]
     P = solve_continuous_lyapunov(factors[0], -factors[1] @ factors[1].T)
     Q = solve_continuous_lyapunov(factors[0].T, -factors[2].T @ factors[2])
     m = B.shape[1]
-    for way, (Ar, Br, Cr, Dr) in truncations(factors, P, Q):
+    for way, (Ar, Br, Cr, Dr) in _truncations(factors, P, Q):
         N, M, into = Dr[:, :m], Dr[:, m:], Br[:, m:]
         if np.linalg.cond(M) < 1e12:
             back = np.linalg.solve(M, np.hstack([Cr, N]))
@@ -74,7 +74,7 @@ def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]
             yield f"coprime factors, {way}", Ar.shape[0], (Ar - into @ C_K, Br[:, :m] - into @ D_K, C_K, D_K)
 
 
-def truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
+def _truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
     """Every smaller order, truncated and residualised, from the Gramians of a system (square root, Tombs 1987)."""
     A, B, C, D = system
     Lc, Lo = gramian_root(P), gramian_root(Q)
@@ -100,7 +100,7 @@ def gramian_root(gramian: np.ndarray) -> np.ndarray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
+def _add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
     """Return the sum of the modes that were kept and a reduced part."""
     A, B, C, D = small
     return block_diag(kept[0], A), np.vstack([kept[1], B]), np.hstack([kept[2], C]), D

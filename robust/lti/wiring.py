@@ -13,7 +13,7 @@ from robust.lti.connections import block_diagonal
 from robust.lti.lti import is_clockless, timebase
 
 #: Determinant of I - D K from which on an algebraic loop has a solution.
-WELL_POSED = 1e-9
+_WELL_POSED = 1e-9
 
 
 @value
@@ -43,12 +43,12 @@ def join_by_name(
     part_out = [label for part in parts for label in part.output_labels]
     port_in = [label for port in ports for label in port.reads]
     port_out = [label for port in ports for label in port.drives]
-    require_signals(part_in, part_out, port_in=port_in, port_out=port_out, external=external, looked_at=looked_at)
+    _require_signals(part_in, part_out, port_in=port_in, port_out=port_out, external=external, looked_at=looked_at)
     G = block_diagonal(parts, dt)
-    into_parts, into_ports = same_name(part_in, external), same_name(port_in, external)
-    parts_from_ports, ports_from_parts = same_name(part_in, port_out), same_name(port_in, part_out)
-    seen_parts, seen_ports = same_name(looked_at, part_out), same_name(looked_at, port_out)
-    inside = same_name(part_in, part_out)
+    into_parts, into_ports = _same_name(part_in, external), _same_name(port_in, external)
+    parts_from_ports, ports_from_parts = _same_name(part_in, port_out), _same_name(port_in, part_out)
+    seen_parts, seen_ports = _same_name(looked_at, part_out), _same_name(looked_at, port_out)
+    inside = _same_name(part_in, part_out)
     around = np.eye(len(part_out)) - G.D @ inside
     if not is_well_posed(around):
         raise ValueError(
@@ -62,17 +62,17 @@ def join_by_name(
     D = sense @ o_v
     D[: len(looked_at), len(external) :] += seen_ports
     D[len(looked_at) :, : len(external)] += into_ports
-    D[len(looked_at) :, len(external) :] += same_name(port_in, port_out)
+    D[len(looked_at) :, len(external) :] += _same_name(port_in, port_out)
     A, B = G.A + G.B @ inside @ o_x, G.B @ (inside @ o_v + drive)
     return control.StateSpace(A, B, sense @ o_x, D, dt, remove_useless_states=False)
 
 
 def is_well_posed(around: np.ndarray) -> bool:
     """Return whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
-    return bool(abs(np.linalg.det(around)) > WELL_POSED)
+    return bool(abs(np.linalg.det(around)) > _WELL_POSED)
 
 
-def require_signals(
+def _require_signals(
     part_in: list[str],
     part_out: list[str],
     *,
@@ -117,7 +117,7 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
     return steps[-1] if steps else 0.0
 
 
-def same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+def _same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
     """Return ones where the names agree."""
     ones = [[float(row == column) for column in columns] for row in rows]
     return np.array(ones).reshape(len(rows), len(columns))

@@ -32,16 +32,16 @@ from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_recor
 #         |z_k|: then s^T C^-1 s is chi-square of three degrees of freedom. It needs no level: a wrong one drops out.
 # level   what is left of d is larger than both records say that they scatter.
 
-WINDOW = 9  # lines over which the slope of an FRF is taken
-MIN_SHARED_LINES = 8  # lines below which a shape is not tested
+_WINDOW = 9  # lines over which the slope of an FRF is taken
+_MIN_SHARED_LINES = 8  # lines below which a shape is not tested
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
-LEVEL_LINES = 2.0
-SAME_LINE = 1e-9  # relative: one line
-VARIANCE_FLOOR = 1e-8  # of the largest eigenvalue of a covariance
-CONFIDENCE = 0.95  # of a record that is held against a record
-DIFFERENCE_STEP = 1e-5
-CHANGED = 0.01  # p below which a change counts as seen in the conclusion; chosen, nothing else depends on it
-LINE_TOLERANCE = 1e-6  # relative: a line of the FRF that a model is made around
+_LEVEL_LINES = 2.0
+_SAME_LINE = 1e-9  # relative: one line
+_VARIANCE_FLOOR = 1e-8  # of the largest eigenvalue of a covariance
+_CONFIDENCE = 0.95  # of a record that is held against a record
+_DIFFERENCE_STEP = 1e-5
+_CHANGED = 0.01  # p below which a change counts as seen in the conclusion; chosen, nothing else depends on it
+_LINE_TOLERANCE = 1e-6  # relative: a line of the FRF that a model is made around
 
 
 @value
@@ -164,12 +164,12 @@ class Validation:
     def conclusion(self) -> str:
         """Return in words whether a change is seen, of shape or scatter, and whether the set holds every line."""
         seen = {"the FRF has another shape": self.p_value, "it scatters more than both records say": self.p_level}
-        changed = [what for what, p in seen.items() if p < CHANGED]
+        changed = [what for what, p in seen.items() if p < _CHANGED]
         words = ", and ".join(changed) if changed else "no change is seen"
         if np.isnan(self.distance).all():
-            return f"{words} (at {100 * CHANGED:g} %)"
+            return f"{words} (at {100 * _CHANGED:g} %)"
         holds = "holds every line" if not self.n_outside_set else "does not hold every line"
-        return f"{words} (at {100 * CHANGED:g} %); the set {holds} of this record"
+        return f"{words} (at {100 * _CHANGED:g} %); the set {holds} of this record"
 
 
 @keep_warnings
@@ -233,7 +233,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
-    confidence, simultaneous = CONFIDENCE, False
+    confidence, simultaneous = _CONFIDENCE, False
     firsts: tuple[RecordSummary, ...]
     if isinstance(model, Bla):
         if "unknown" not in (model.hold, bla.hold):
@@ -245,28 +245,28 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         if np.isnan(confidence):
             raise ValueError("model must state a confidence to be validated against, got none")
         if model.measured_only:
-            bla = bla.times(hold_factor(model, bla, inside), output_unit=bla.output_units)
+            bla = bla.times(_hold_factor(model, bla, inside), output_unit=bla.output_units)
         else:
             bla = bla_behind_hold(bla, timebase(model.nominal))
         second = summarize_record(bla).on_lines(bla.omega[inside])
         nominal = np.moveaxis(model.at(second.omega), -1, 0)
         distance = model.normalized_distance(second.omega, second.G, nominal)
-        firsts = records_near(model, second)
+        firsts = _records_near(model, second)
     tried = []
     for first in firsts:
         lines = shared_lines(first.omega, second.omega)
         p = confidence ** (1 / lines.size) if simultaneous else confidence
         pair = first.on_lines(lines), second.on_lines(lines)
-        tried.append(compare_matrix_records(*pair, p) if several else compare_records(model, *pair, p))
+        tried.append(_compare_matrix_records(*pair, p) if several else _compare_records(model, *pair, p))
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
     return replace(best, inputs=bla.inputs, outputs=bla.outputs)
 
 
-def hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
+def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
     """Return (F,) the factor from the hold of a record to that of the model's FRF; one where a hold is not known."""
     at = np.asarray(model.nominal.omega)
-    if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > LINE_TOLERANCE:
+    if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > _LINE_TOLERANCE:
         raise ValueError(
             "bla must have lines of the FRF that the model is made around, got others: between its lines it is not "
             "known. A model around a fit (fit_nominal) takes any"
@@ -277,7 +277,7 @@ def hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
     return np.asarray(own / other)
 
 
-def records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
+def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
     """Return the records behind a model that share lines with another one; else the nominal, as exact."""
     reach = [one for one in model.records if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
     G = np.moveaxis(nominal_response(model.nominal, second.omega), -1, 0)
@@ -290,13 +290,13 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
     what scatters there would count as often, and the difference would not be white.
     """
-    low, high = max(first[0], second[0]) * (1 - SAME_LINE), min(first[-1], second[-1]) * (1 + SAME_LINE)
+    low, high = max(first[0], second[0]) * (1 - _SAME_LINE), min(first[-1], second[-1]) * (1 + _SAME_LINE)
     inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
     fewer, other = (
         (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
     )
-    last = np.clip(np.searchsorted(other, fewer * (1 - SAME_LINE)), 0, other.size - 1)
-    begin = np.where(np.abs(other[last] - fewer) <= SAME_LINE * fewer, last, last - 1)
+    last = np.clip(np.searchsorted(other, fewer * (1 - _SAME_LINE)), 0, other.size - 1)
+    begin = np.where(np.abs(other[last] - fewer) <= _SAME_LINE * fewer, last, last - 1)
     keep, read = np.zeros(fewer.size, dtype=bool), -1
     for k in range(fewer.size):
         keep[k] = begin[k] > read
@@ -304,7 +304,7 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(fewer[keep])
 
 
-class Change(TypedDict, total=False):
+class _Change(TypedDict, total=False):
     """What a comparison of two records found, by the names of the fields of `Validation`."""
 
     p_value: Required[float]
@@ -316,10 +316,10 @@ class Change(TypedDict, total=False):
     p_values: np.ndarray
 
 
-def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None) -> Change:
+def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None) -> _Change:
     """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
     n_lines = z.size if n_lines is None else n_lines
-    if n_lines < MIN_SHARED_LINES:
+    if n_lines < _MIN_SHARED_LINES:
         return {"p_value": float("nan")}
     score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
     covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
@@ -333,13 +333,13 @@ def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_li
         "delay": delay,
         "frequency": frequency,
         "level": float(np.sqrt(square)),
-        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(LEVEL_LINES / n_lines))),
+        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(_LEVEL_LINES / n_lines))),
     }
 
 
 def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return (F,) slope of y over x by a parabola through the lines around each."""
-    n = min(WINDOW, x.size)
+    n = min(_WINDOW, x.size)
     first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
     window = first[:, None] + np.arange(n)
     r = x[window] - x[:, None]
@@ -347,7 +347,7 @@ def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray((np.linalg.pinv(powers) @ y[window][..., None])[:, 1, 0])
 
 
-def change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (3, F, ...) derivatives of responses (F, ...) by gain, delay and frequency, and units of these changes.
 
     slope : d log G / d log omega.
@@ -356,33 +356,36 @@ def change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tu
     return np.array([np.ones_like(G), turn, -slope]) * G, np.array([1.0, 1 / omega[-1], 1.0])
 
 
-def measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return (F,) d log G / d log omega of an FRF on its lines."""
     return local_slope(np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G)))
 
 
-def compare_records(model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+def _compare_records(
+    model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float
+) -> Validation:
     """Return two records of one channel on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
-    outside = np.abs(d) ** 2 > f_quantile(p, LEVEL_DOF) * variance
-    found: Change = {"p_value": 1.0}
+    outside = np.abs(d) ** 2 > _f_quantile(p, LEVEL_DOF) * variance
+    found: _Change = {"p_value": 1.0}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         # about the mean of both records, each for what it is worth: it is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
         if isinstance(model, Bla) or model.measured_only:
-            slope = measured_slope(omega, G)
+            slope = _measured_slope(omega, G)
         else:  # of the nominal, which does not scatter
             below, above = (
-                nominal_response(model.nominal, omega * factor) for factor in (1 - DIFFERENCE_STEP, 1 + DIFFERENCE_STEP)
+                nominal_response(model.nominal, omega * factor)
+                for factor in (1 - _DIFFERENCE_STEP, 1 + _DIFFERENCE_STEP)
             )
-            slope = np.log(above / below) / (2 * DIFFERENCE_STEP)
-        x, units = change_directions(omega, G, slope)
+            slope = np.log(above / below) / (2 * _DIFFERENCE_STEP)
+        x, units = _change_directions(omega, G, slope)
         found = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
-    return make_validation(omega, outside, p=p, found=found)
+    return _make_validation(omega, outside, p=p, found=found)
 
 
-def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
     """Return two records of several channels on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     n_y, n_u = d.shape[1:]
@@ -394,23 +397,23 @@ def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float
     before = np.einsum("fjj,fii->fji", first.variance, gamma).real
     after = np.einsum("fjj,fii->fji", second.variance, later_gamma).real
     variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = welch_satterthwaite_dof(before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None])
-    entries = np.abs(d) ** 2 > f_quantile(p, L) * variance
+    L = _welch_satterthwaite_dof(before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None])
+    entries = np.abs(d) ** 2 > _f_quantile(p, L) * variance
     # of inputs that went along the same directions both times the sum is a product again; else it lies above
     turned = np.linalg.eigvals(np.linalg.solve(gamma, later_gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
-    L = welch_satterthwaite_dof(before, after, dof_a=dof, dof_b=later_dof)
-    Z = inverse_hermitian_root(C[0] + C[1]) @ d @ inverse_hermitian_root(gamma)
+    L = _welch_satterthwaite_dof(before, after, dof_a=dof, dof_b=later_dof)
+    Z = _inverse_hermitian_root(C[0] + C[1]) @ d @ _inverse_hermitian_root(gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
-    found: Change = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
+    found: _Change = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
-        found = entry_changes(first, second, d=d, C=C[0] + C[1])
+        found = _entry_changes(first, second, d=d, C=C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
-    return replace(make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0))
+    return replace(_make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0))
 
 
-def make_validation(omega: np.ndarray, outside: np.ndarray, *, p: float, found: Change) -> Validation:
+def _make_validation(omega: np.ndarray, outside: np.ndarray, *, p: float, found: _Change) -> Validation:
     """Make the result on the shared lines of two records."""
     return Validation(
         n_outside=int(outside.sum()),
@@ -426,33 +429,33 @@ def make_validation(omega: np.ndarray, outside: np.ndarray, *, p: float, found: 
 Dof = TypeVar("Dof", float, np.ndarray)
 
 
-def f_quantile(p: float, dof: Dof) -> Dof:
+def _f_quantile(p: float, dof: Dof) -> Dof:
     """Return the quantile of F(2, 2 dof)."""
     return dof * np.expm1(-np.log1p(-p) / dof)
 
 
-def welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
+def _welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
     """Return degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
     tiny = np.finfo(float).tiny ** 0.25
     scale = np.maximum(a + b, tiny)
     return np.asarray(1 / ((a / scale) ** 2 / dof_a + (b / scale) ** 2 / dof_b + tiny))
 
 
-def inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
+def _inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
     """Return (F, n, n) X^-1/2 of Hermitian matrices."""
-    return hermitian_power(X, -0.5, share=VARIANCE_FLOOR, least=np.finfo(float).tiny)
+    return hermitian_power(X, -0.5, share=_VARIANCE_FLOOR, least=np.finfo(float).tiny)
 
 
-def entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> Change:
+def _entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> _Change:
     """Return the change that all entries share, and p-values of a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
-    slope = np.array([measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
-    x, units = change_directions(omega, G, slope)
+    slope = np.array([_measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
+    x, units = _change_directions(omega, G, slope)
     assert first.gamma is not None  # of several channels
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
-    left, right = inverse_hermitian_root(level), inverse_hermitian_root(first.gamma)
+    left, right = _inverse_hermitian_root(level), _inverse_hermitian_root(first.gamma)
     shared = fit_shape_and_level((left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F)
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [

@@ -56,7 +56,7 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
         raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
     kinds, rows, cols, r, c = [], [], [], 0, 0
     for k, block in enumerate(blocks):
-        n, m, kind = check_block(f"{name}[{k}]", block)
+        n, m, kind = _check_block(f"{name}[{k}]", block)
         kinds.append(kind)
         rows.append(slice(r, r + n))
         cols.append(slice(c, c + m))
@@ -65,14 +65,14 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     for kind, row, col in zip(kinds, rows, cols, strict=True):
         n = row.stop - row.start
         if kind == "full":
-            left.append(place_block(np.eye(n), (r, r), row=row, col=row))
-            right.append(place_block(np.eye(col.stop - col.start), (c, c), row=col, col=col))
+            left.append(_place_block(np.eye(n), (r, r), row=row, col=row))
+            right.append(_place_block(np.eye(col.stop - col.start), (c, c), row=col, col=col))
             continue
-        for H in hermitian_basis(n):
-            left.append(place_block(H, (r, r), row=row, col=row))
-            right.append(place_block(H, (c, c), row=col, col=col))
+        for H in _hermitian_basis(n):
+            left.append(_place_block(H, (r, r), row=row, col=row))
+            right.append(_place_block(H, (c, c), row=col, col=col))
             if kind == "real":
-                skew.append(place_block(H, (c, r), row=col, col=row))
+                skew.append(_place_block(H, (c, r), row=col, col=row))
     return BlockStructure(
         kinds=tuple(kinds),
         rows=tuple(rows),
@@ -83,7 +83,7 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     )
 
 
-def check_block(name: str, block: object) -> tuple[int, int, str]:
+def _check_block(name: str, block: object) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
     parts = block if isinstance(block, (tuple, list)) and len(block) in (2, 3) else ()
     if not parts or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]):
@@ -100,7 +100,7 @@ def check_block(name: str, block: object) -> tuple[int, int, str]:
 
 def blocks_with_kinds(blocks: Blocks) -> list[tuple[int, int, str]]:
     """Return (rows, cols, kind) of every block, checked."""
-    return [check_block(f"blocks[{k}]", block) for k, block in enumerate(blocks)]
+    return [_check_block(f"blocks[{k}]", block) for k, block in enumerate(blocks)]
 
 
 def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
@@ -122,14 +122,14 @@ def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Bloc
     return whole, np.arange(len(whole)) == len(blocks)
 
 
-def place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
+def _place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
     """Return a block in a matrix of zeros."""
     out = np.zeros(shape, complex)
     out[row, col] = block
     return out
 
 
-def hermitian_basis(n: int) -> list[np.ndarray]:
+def _hermitian_basis(n: int) -> list[np.ndarray]:
     """n^2 Hermitian matrices of norm one; the diagonal ones first."""
     basis = [np.diag(row).astype(complex) for row in np.eye(n)]
     for i in range(n):

@@ -31,9 +31,9 @@ from robust.proofs.search.stability import decide_stability
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-N_STARTS = 6  # of `lower`
-GAP = 0.05  # relative distance of both bounds of a system to which the box of real parameters is cut
-EXACT_INTERVALS = 60  # intervals of a proof over the rationals: a second
+_N_STARTS = 6  # of `lower`
+_GAP = 0.05  # relative distance of both bounds of a system to which the box of real parameters is cut
+_EXACT_INTERVALS = 60  # intervals of a proof over the rationals: a second
 
 
 @value(copy=False)
@@ -135,15 +135,15 @@ def bounds(
     mu between 1.2 and 1.204 at every frequency, largest at 1 rad/s
     """
     omega_given = omega is not None
-    omega, M = sampled_response(N, omega)
+    omega, M = _sampled_response(N, omega)
     s = structure_for("blocks", blocks, M.shape[:2])
-    found = lower(M, blocks, n_starts=N_STARTS, rng=rng)
+    found = lower(M, blocks, n_starts=_N_STARTS, rng=rng)
     assert found.delta is not None  # of a lower bound
     above = np.maximum(upper(M, blocks).value, found.value)  # where they meet rounding may cross them
     on_lines = StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
     if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
         return on_lines
-    return at_every_frequency(on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool))
+    return _at_every_frequency(on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool))
 
 
 def worst_gain(
@@ -187,7 +187,7 @@ def worst_gain(
     (0.6667, 0.6667, -1.0)
     """
     omega_given = omega is not None
-    omega, M = sampled_response(N, omega)
+    omega, M = _sampled_response(N, omega)
     bound = gain_bound(M, blocks)
     reached, delta = search_worst_case(response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng))
     on_lines = StructuredBounds(
@@ -200,14 +200,14 @@ def worst_gain(
     if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
         return on_lines
     whole, growing = with_performance_block(blocks, M.shape[:2])
-    return at_every_frequency(on_lines, multivariable("N", N), whole, growing=growing)
+    return _at_every_frequency(on_lines, multivariable("N", N), whole, growing=growing)
 
 
-def at_every_frequency(
+def _at_every_frequency(
     found: StructuredBounds, N: control.StateSpace, blocks: Blocks, *, growing: np.ndarray
 ) -> StructuredBounds:
     """Return the bounds with those of all frequencies, at the peak: 1 over how large the blocks that grow may be."""
-    margin = skewed_margin(N, blocks, growing=growing, gap=GAP)
+    margin = skewed_margin(N, blocks, growing=growing, gap=_GAP)
     of_gain, nominal = not growing.all(), decide_stability(N)
     if of_gain and nominal.unstable:  # of the gain of a system that is not stable
         at = abs(to_s_plane(np.atleast_1d(nominal.pole), timebase(N))[0].imag)
@@ -233,19 +233,19 @@ def at_every_frequency(
             delta=np.insert(found.delta, at, margin.delta[:cols, :rows], axis=2),
         )
     reason = margin.reason if margin.level or not margin.reason else f"not proved between lines: {margin.reason}"
-    return replace(found, certificates=exact_certificates(N, blocks, margin), reason=reason)
+    return replace(found, certificates=_exact_certificates(N, blocks, margin), reason=reason)
 
 
-def exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMargin) -> tuple[Certificate, ...]:
+def _exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMargin) -> tuple[Certificate, ...]:
     """Return the proof over the rationals where the box of parameters is whole and few intervals suffice."""
     if len(margin.certificates) == 1 and not margin.n_unstable:
         system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
-        exact = certify_intervals(system, given, 1 - SLACK, most=EXACT_INTERVALS)
+        exact = certify_intervals(system, given, 1 - SLACK, most=_EXACT_INTERVALS)
         return (replace(exact, level=1.0),) if exact.holds else margin.certificates
     return margin.certificates
 
 
-def sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
+def _sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
     """Frequencies and the response (n_out, n_in, W) there."""
     if omega is not None:
         omega = np.atleast_1d(np.asarray(omega, dtype=float))

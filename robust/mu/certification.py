@@ -33,7 +33,7 @@ from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 
-MAX_INTERVALS = 2000  # of one scaling each
+_MAX_INTERVALS = 2000  # of one scaling each
 
 
 def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None) -> Certificate:
@@ -97,12 +97,12 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
 
 
 def certify_by_intervals(
-    N: control.StateSpace, blocks: Blocks, level: float, *, most: int = MAX_INTERVALS
+    N: control.StateSpace, blocks: Blocks, level: float, *, most: int = _MAX_INTERVALS
 ) -> Certificate:
     """Return `certify` of a stable system by at most so many scalings, each on the pieces where it proves the level."""
     s, dt = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss"), timebase(N)
     H, units = TransferMatrix.of(to_matrices(N)), np.full(N.ninputs, level * (1 - SLACK))
-    first = middle_of_poles(H)
+    first = _middle_of_poles(H)
     todo, done = [(first, np.inf, 8 * first), (0.0, first, first / 2)], []
     for _ in range(most):
         low, high, x = todo.pop()
@@ -133,7 +133,7 @@ def certify_by_intervals(
     return failed_certificate(LEVEL, level, f"undecided after {most} intervals")
 
 
-def middle_of_poles(H: TransferMatrix) -> float:
+def _middle_of_poles(H: TransferMatrix) -> float:
     """Return the geometric mean of the moduli of the poles on the axis; one where there are none."""
     sizes = np.abs(polynomial_roots(H.characteristic))
     return float(np.exp(np.mean(np.log(sizes[sizes > 0])))) if sizes.any() else 1.0

@@ -22,13 +22,13 @@ from robust.mu.blocks import BlockStructure
 from robust.mu.perturbations import MOVES, align_perturbation, normalize_perturbation
 from robust.proofs.search.stability import decide_stability
 
-MAX_CORNER_PARAMETERS = 6  # parameters up to which every corner is looked at
-N_DIRECTIONS = 48  # random directions beside them
-N_SIZES = 24  # sizes looked at on the way out
-N_IMPROVEMENTS = 15  # attempts to do better from the best perturbations
-N_ASCENTS = 8  # perturbations that are moved uphill each time
-CLOSER = 1e-3, 1e-6  # relative reductions of the size that are looked for, first the one, then the other
-SINGULAR = 1e-6  # least singular value of the loop at the boundary, relative to the largest
+_MAX_CORNER_PARAMETERS = 6  # parameters up to which every corner is looked at
+_N_DIRECTIONS = 48  # random directions beside them
+_N_SIZES = 24  # sizes looked at on the way out
+_N_IMPROVEMENTS = 15  # attempts to do better from the best perturbations
+_N_ASCENTS = 8  # perturbations that are moved uphill each time
+_CLOSER = 1e-3, 1e-6  # relative reductions of the size that are looked for, first the one, then the other
+_SINGULAR = 1e-6  # least singular value of the loop at the boundary, relative to the largest
 
 
 @value
@@ -80,7 +80,7 @@ class PerturbedLoop:
     @classmethod
     def of(cls, N: control.StateSpace, s: BlockStructure, growing: np.ndarray) -> PerturbedLoop:
         """Return the loop of a system with the blocks (K,) that grow."""
-        kept, grown = moved_states(N), np.zeros(s.shape[::-1], bool)
+        kept, grown = _moved_states(N), np.zeros(s.shape[::-1], bool)
         for grows, row, col in zip(growing, s.rows, s.cols, strict=True):
             grown[col, row] = grows
         A = N.A[np.ix_(kept, kept)]
@@ -193,11 +193,11 @@ def find_crossing(
     loop = PerturbedLoop.of(N, s, growing)
     if not loop.A.size:
         return None
-    starts, inner = first_perturbations(loop, seeds), 0.0
-    for size in [*([] if growing.all() else [0.0]), *np.geomspace(least, limit, N_SIZES)]:
+    starts, inner = _first_perturbations(loop, seeds), 0.0
+    for size in [*([] if growing.all() else [0.0]), *np.geomspace(least, limit, _N_SIZES)]:
         excess = loop.excess(starts, size)
         if excess.max() <= 0 and set(s.kinds) != {"real"}:
-            best = np.argsort(-excess)[:N_ASCENTS]
+            best = np.argsort(-excess)[:_N_ASCENTS]
             starts[best], excess[best] = loop.uphill(starts[best], size)
         if excess.max() > 0:
             break
@@ -205,7 +205,7 @@ def find_crossing(
     if excess.max() <= 0:
         return None
     E = starts[int(excess.argmax())]
-    E, size = improve(loop, starts, E=E, size=loop.crossing_size(E, inner, size))
+    E, size = _improve(loop, starts, E=E, size=loop.crossing_size(E, inner, size))
     return verified_crossing(N, loop, E, size)
 
 
@@ -214,7 +214,7 @@ def boundary_excess(poles: np.ndarray, of: control.StateSpace | PerturbedLoop) -
     return np.asarray(np.abs(poles) - 1 if of.dt else poles.real)
 
 
-def moved_states(N: control.StateSpace) -> np.ndarray:
+def _moved_states(N: control.StateSpace) -> np.ndarray:
     """Return the states that a path leads to from an input and from which one leads to an output: the others stay."""
     into, out = np.any(N.B != 0, axis=1), np.any(N.C != 0, axis=0)
     for _ in range(N.nstates):
@@ -222,13 +222,13 @@ def moved_states(N: control.StateSpace) -> np.ndarray:
     return np.flatnonzero(into & out)
 
 
-def first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.ndarray:
+def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.ndarray:
     """Return (K, n_in, n_out) perturbations of size one: parameters by themselves, what moves each pole, the seeds."""
     s = loop.s
     real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
     starts = []
     if real:
-        directions = search_directions(len(real))
+        directions = _search_directions(len(real))
         starts.append(np.zeros((len(directions), *s.shape[::-1]), complex))
         for x, k in zip(directions.T, real, strict=True):
             starts[0][:, s.cols[k], s.rows[k]] = x[:, None, None] * np.eye(s.rows[k].stop - s.rows[k].start)
@@ -240,25 +240,25 @@ def first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.nda
     return np.nan_to_num(np.concatenate(starts))
 
 
-def search_directions(n: int) -> np.ndarray:
+def _search_directions(n: int) -> np.ndarray:
     """Return (K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
     rng = np.random.default_rng(0)
     corners = (
         np.array(list(product((-1.0, 1.0), repeat=n)))
-        if n <= MAX_CORNER_PARAMETERS
+        if n <= _MAX_CORNER_PARAMETERS
         else np.sign(rng.standard_normal((64, n)))
     )
-    inside = rng.uniform(-1, 1, (N_DIRECTIONS, n))
+    inside = rng.uniform(-1, 1, (_N_DIRECTIONS, n))
     inside /= np.abs(inside).max(axis=1, keepdims=True)
     return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
 
 
-def improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float) -> tuple[np.ndarray, float]:
+def _improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float) -> tuple[np.ndarray, float]:
     """Return a perturbation that crosses at a smaller size, found uphill a little below the present one, and that."""
-    for closer in CLOSER:
-        for _ in range(N_IMPROVEMENTS if size else 0):
+    for closer in _CLOSER:
+        for _ in range(_N_IMPROVEMENTS if size else 0):
             below = (1 - closer) * size
-            best = starts[np.argsort(-loop.excess(starts, below))[: N_ASCENTS - 1]]
+            best = starts[np.argsort(-loop.excess(starts, below))[: _N_ASCENTS - 1]]
             tried, excess = loop.uphill(np.concatenate([E[None], best]), below)
             E = tried[int(excess.argmax())] if excess.max() > 0 else tried[0]
             if excess.max() <= 0:
@@ -287,5 +287,5 @@ def verified_crossing(N: control.StateSpace, loop: PerturbedLoop, E: np.ndarray,
     else:
         M = response_by_channel(N, np.array([omega]))[:, :, 0]
         sizes = np.linalg.svd(np.eye(len(M)) - M @ delta[0], compute_uv=False)
-        fine = bool(sizes[-1] <= SINGULAR * max(1.0, float(sizes[0])))
+        fine = bool(sizes[-1] <= _SINGULAR * max(1.0, float(sizes[0])))
     return Crossing(size=float(size), delta=delta[0], omega=float(omega)) if fine else None

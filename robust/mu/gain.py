@@ -24,12 +24,19 @@ from robust.mu.scalings import (
     upper_bound,
 )
 
-MAX_STEPS = 60
-GAPS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # relative distances of the program to its dual at which variables are kept
-TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive
-N_STARTING_SIZES = 16
-ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
-MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
+_MAX_STEPS = 60
+_GAPS = (
+    1e-3,
+    1e-5,
+    1e-6,
+    1e-7,
+    1e-8,
+    1e-9,
+)  # relative distances of the program to its dual at which variables are kept
+_TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive
+_N_STARTING_SIZES = 16
+_ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
+_MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 
 def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
@@ -53,13 +60,15 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
         return gain
     assert stable.scaling is not None  # of an upper bound
     s = block_structure("blocks", blocks)
-    for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // MAX_ENTRIES)):
+    for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // _MAX_ENTRIES)):
         D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
-        gain[at] = least_gain(M[at], (D_L, D_R, G), slack=1 - stable.value[at] ** 2, s=s)
+        gain[at] = _least_gain(M[at], (D_L, D_R, G), slack=1 - stable.value[at] ** 2, s=s)
     return gain
 
 
-def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure) -> np.ndarray:
+def _least_gain(
+    M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure
+) -> np.ndarray:
     """Return (W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
@@ -67,17 +76,17 @@ def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.nd
     scaled = M.copy()
     scaled[:, :rows] = D_L @ scaled[:, :rows]
     scaled[:, :, :cols] = scaled[:, :, :cols] @ np.linalg.inv(D_R)
-    size, level = starting_size(scaled, G, slack)
+    size, level = _starting_size(scaled, G, slack)
     unit = np.sqrt(level)
     scaled[:, rows:] *= size[:, None, None]
     scaled[:, :, cols:] /= (size * unit)[:, None, None]
     gain = np.full(len(M), np.inf)
-    for found in solve_gain_program(scaled, G, s):
-        gain = np.minimum(gain, proved_gain(scaled, found, s) * unit)
+    for found in _solve_gain_program(scaled, G, s):
+        gain = np.minimum(gain, _proved_gain(scaled, found, s) * unit)
     return gain
 
 
-def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.ndarray:
+def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.ndarray:
     """(W,) the gain that variables of the program prove, recomputed from the scalings; inf where they prove none."""
     (rows, cols), K = s.shape, len(s.left)
     try:
@@ -90,9 +99,9 @@ def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.n
     G[:, :cols, :rows] = (
         np.linalg.inv(C_R) @ np.tensordot(variables[:, K:-1], s.skew, 1) @ np.linalg.inv(conjugate_transpose(C_L))
     )
-    reached = np.sqrt(np.maximum(least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300))
+    reached = np.sqrt(np.maximum(_least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300))
     gain = np.full(len(M), np.inf)
-    for margin in ROUNDING_MARGINS:  # what the scalings prove counts, not what was reached
+    for margin in _ROUNDING_MARGINS:  # what the scalings prove counts, not what was reached
         tried = reached * (1 + margin)
         divided = M.copy()
         divided[:, :, cols:] /= tried[:, None, None]
@@ -101,7 +110,7 @@ def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.n
     return gain
 
 
-def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) the size of the performance at which scalings of one prove least, and the level they prove there.
 
     The smallest of those tried takes half of the slack that the loop of the blocks leaves, so that it proves something.
@@ -109,19 +118,19 @@ def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.n
     cols, rows = G.shape[1:]
     reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))
     smallest = np.sqrt(0.5 * slack) / np.maximum(reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300)
-    sizes = smallest * 2.0 ** np.arange(N_STARTING_SIZES)[:, None]
+    sizes = smallest * 2.0 ** np.arange(_N_STARTING_SIZES)[:, None]
     levels = []
     for size in sizes:
         scaled = M.copy()
         scaled[:, rows:] *= size[:, None, None]
         scaled[:, :, cols:] /= size[:, None, None]
         closed = np.linalg.eigvalsh(scaled_square(scaled, G)[:, :cols, :cols])[:, -1]
-        levels.append(np.where(closed < 1 - 0.01 * slack, least_level(scaled, G), np.inf))
+        levels.append(np.where(closed < 1 - 0.01 * slack, _least_level(scaled, G), np.inf))
     best = np.argmin(levels, axis=0), np.arange(len(M))
     return sizes[best], np.maximum(np.array(levels)[best], 1e-300)
 
 
-def least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     """(W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H): a Schur complement; inf for none."""
     A, n = scaled_square(M, G), G.shape[1]
     level = np.full(len(M), np.inf)
@@ -132,7 +141,7 @@ def least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     return level
 
 
-def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
+def _solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
     """(len(GAPS), W, m) coefficients of X and G, and gamma, ever closer to the least, from X = I and the given G.
 
     The ones with a larger gap keep farther from the boundary: with a large G rounding takes what the last ones gain.
@@ -158,20 +167,20 @@ def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.nd
     y[:, :K] = np.einsum("kii->k", s.left).real / np.einsum("kij,kji->k", s.left, s.left).real
     y[:, K:-1] = np.einsum("kij,wij->wk", s.skew.conj(), G).real
     y[:, -1] = 1.3
-    todo, found, gap = np.arange(W), np.tile(y, (len(GAPS), 1, 1)), np.full(W, np.inf)
+    todo, found, gap = np.arange(W), np.tile(y, (len(_GAPS), 1, 1)), np.full(W, np.inf)
     cones = [first, np.broadcast_to(second, (W, *second.shape))]
     Z = [constant + np.einsum("wk,wkij->wij", y, cones[0]), np.einsum("wk,wkij->wij", y, cones[1])]
     Y = [np.linalg.inv(each) for each in Z]  # the multipliers
     start = 1 / np.einsum("wii->w", Y[0][:, cols:, cols:]).real
     Y = [start[:, None, None] * each for each in Y]
-    for _ in range(MAX_STEPS):
+    for _ in range(_MAX_STEPS):
         before = gap
-        y, Z, Y, gap = interior_point_step(y, Z, Y=Y, cones=cones)
+        y, Z, Y, gap = _interior_point_step(y, Z, Y=Y, cones=cones)
         fine = np.isfinite(gap)
-        for snapshot, level in zip(found, GAPS, strict=True):
+        for snapshot, level in zip(found, _GAPS, strict=True):
             still = fine & (before > level * y[:, -1])
             snapshot[todo[still]] = y[still]
-        keep = fine & (gap > GAPS[-1] * y[:, -1])
+        keep = fine & (gap > _GAPS[-1] * y[:, -1])
         todo, y, gap = todo[keep], y[keep], gap[keep]
         Z, Y, cones = ([each[keep] for each in group] for group in (Z, Y, cones))
         if not todo.size:
@@ -179,7 +188,7 @@ def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.nd
     return found
 
 
-def interior_point_step(
+def _interior_point_step(
     y: np.ndarray, Z: list[np.ndarray], *, Y: list[np.ndarray], cones: list[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
     """One step of variables, slacks and multipliers, and the gap (W,) behind it: nan where there was none to make."""
@@ -213,10 +222,10 @@ def interior_point_step(
         return dy, dZ, dY
 
     with np.errstate(all="ignore"):
-        roots = [inverse_root(each) for each in Z], [inverse_root(each) for each in Y]
+        roots = [_inverse_root(each) for each in Z], [_inverse_root(each) for each in Y]
         try:
             _, dZ, dY = direction(np.zeros(W), None)
-            a_Z, a_Y = longest_step(roots[0], dZ), longest_step(roots[1], dY)
+            a_Z, a_Y = _longest_step(roots[0], dZ), _longest_step(roots[1], dY)
             after = sum(
                 np.einsum("wij,wji->w", z + a_Z[:, None, None] * dz, x + a_Y[:, None, None] * dx).real
                 for z, dz, x, dx in zip(Z, dZ, Y, dY, strict=True)
@@ -224,7 +233,7 @@ def interior_point_step(
             centre = np.clip(after / gap, 1e-4, 1.0) ** 3 * gap / size
             correction = [dx @ dz @ inv for dx, dz, inv in zip(dY, dZ, inverse, strict=True)]
             dy, dZ, dY = direction(centre, correction)
-            a_Z, a_Y = longest_step(roots[0], dZ), longest_step(roots[1], dY)
+            a_Z, a_Y = _longest_step(roots[0], dZ), _longest_step(roots[1], dY)
         except np.linalg.LinAlgError:
             return y, Z, Y, np.full(W, np.nan)
     fine = np.isfinite(a_Z) & np.isfinite(a_Y) & (a_Z > 1e-6)
@@ -236,13 +245,13 @@ def interior_point_step(
     return y, Z, Y, np.where(fine & (gap > 0), gap, np.nan)
 
 
-def inverse_root(A: np.ndarray) -> np.ndarray:
+def _inverse_root(A: np.ndarray) -> np.ndarray:
     """A^-1/2 of every positive matrix; nan where it is none."""
     values, vectors = np.linalg.eigh(A)
     return np.where(values > 0, values, np.nan)[:, None, :] ** -0.5 * vectors
 
 
-def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
+def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
     """Return (W,) how far all matrices stay positive along their steps, at most one; nan where that is not known."""
     least = np.zeros(len(steps[0]))
     for root, step in zip(roots, steps, strict=True):
@@ -250,7 +259,7 @@ def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray
         known = np.isfinite(turned).all(axis=(1, 2))
         low = np.linalg.eigvalsh(np.where(known[:, None, None], turned, 0))[:, 0]
         least = np.where(known, np.minimum(least, low), np.nan)
-    return np.minimum(1.0, TO_THE_BOUNDARY / np.maximum(-least, 1e-300))
+    return np.minimum(1.0, _TO_THE_BOUNDARY / np.maximum(-least, 1e-300))
 
 
 # ---- A perturbation of the set that makes the gain large.
@@ -259,9 +268,9 @@ def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray
 # vectors: over the set most towards a corner in closed form. Any Delta on the way there lies in the set too (the method
 # of Frank & Wolfe), so each step takes the largest gain of some.
 
-N_SEARCHES = 12  # random starts beside the perturbation of skewed mu
-MAX_ASCENT = 200
-GROWTH = 1e-7
+_N_SEARCHES = 12  # random starts beside the perturbation of skewed mu
+_MAX_ASCENT = 200
+_GROWTH = 1e-7
 
 
 def search_worst_case(
@@ -285,19 +294,19 @@ def search_worst_case(
     if not todo.size:
         return gain, delta
     starts = [np.zeros((todo.size, cols, rows), complex)]
-    starts.append(perturbation_of_skewed_mu(M[todo], s, gain=upper[todo], rng=rng))
+    starts.append(_perturbation_of_skewed_mu(M[todo], s, gain=upper[todo], rng=rng))
     starts.append(without_real_blocks(starts[1], s))
-    for _ in range(N_SEARCHES):
+    for _ in range(_N_SEARCHES):
         left, right = (rng.standard_normal((2, todo.size, n)) for n in (cols, rows))
         direction = align_perturbation(left[0] + 1j * left[1], right[0] + 1j * right[1], turn=np.ones(todo.size), s=s)
         starts.append(rng.uniform(0, 1, (todo.size, 1, 1)) * direction)
-    reached, found = ascend_gain(np.tile(M[todo], (len(starts), 1, 1)), np.concatenate(starts), s)
+    reached, found = _ascend_gain(np.tile(M[todo], (len(starts), 1, 1)), np.concatenate(starts), s)
     best = reached.reshape(len(starts), -1).argmax(axis=0) * todo.size + np.arange(todo.size)
     gain[todo], delta[todo] = reached[best], found[best]
     return gain, delta
 
 
-def perturbation_of_skewed_mu(
+def _perturbation_of_skewed_mu(
     M: np.ndarray, s: BlockStructure, *, gain: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """(W, n_in, n_out) of size at most one, what the blocks do where with the outputs over the gain mu is one."""
@@ -314,11 +323,11 @@ def perturbation_of_skewed_mu(
     return delta / np.maximum(size, 1.0)[:, None, None]
 
 
-def ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def _ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) gains and perturbations of size at most one, moved until the gain grows no more."""
     rows, cols = s.shape
     delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
-    for _ in range(MAX_ASCENT):
+    for _ in range(_MAX_ASCENT):
         N, now = M[todo], delta[todo]
         with np.errstate(all="ignore"):
             U, sizes, Vh = np.linalg.svd(np.nan_to_num(closed_gain(N, now)))
@@ -335,7 +344,7 @@ def ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np
                 better = reached > best
                 best, moved[better] = np.maximum(best, reached), candidate[better]
         delta[todo], gain[todo] = moved, best
-        todo = todo[best > sizes[:, 0] * (1 + GROWTH)]
+        todo = todo[best > sizes[:, 0] * (1 + _GROWTH)]
         if not todo.size:
             break
     return gain, delta

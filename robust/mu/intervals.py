@@ -31,22 +31,22 @@ from robust.proofs.exact.scaled_kyp import LEVEL, Block
 from robust.proofs.search.certificate import GENERALISED_KYP, Certificate, failed_certificate
 from robust.proofs.search.scaled_kyp import ScalingSearch
 
-MOST_INTERVALS = 400
-NARROW = 1e-6  # relative width of an interval that is not cut any more, and of the slowest and the fastest pole
-WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are looked for
-AROUND = np.tan(np.pi / 2 * np.linspace(-0.995, 0.995, 80))  # v at which Q is tried
-FARTHEST = 1e6  # v beyond which the response is that at infinity
+_MOST_INTERVALS = 400
+_NARROW = 1e-6  # relative width of an interval that is not cut any more, and of the slowest and the fastest pole
+_WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are looked for
+_AROUND = np.tan(np.pi / 2 * np.linspace(-0.995, 0.995, 80))  # v at which Q is tried
+_FARTHEST = 1e6  # v beyond which the response is that at infinity
 #: Times the modulus of every pole: further frequencies at which Q is tried.
-MODE_OFFSETS = (0.1, 0.3, 0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.7, 3.0, 10.0)
-SHARES = (0.05, 0.15, 0.4, 0.7)  # of what the scaling leaves that Q may cost, along C and along C A^-1
+_MODE_OFFSETS = (0.1, 0.3, 0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.7, 3.0, 10.0)
+_SHARES = (0.05, 0.15, 0.4, 0.7)  # of what the scaling leaves that Q may cost, along C and along C A^-1
 #: Shares of the largest scaling that all may have: what couples little may take any, and similar ones serve best.
-FLOORS, NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
-LEAST_Q = 1e-3  # of what is left, by Q along each state
-MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states together
+_FLOORS, _NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
+_LEAST_Q = 1e-3  # of what is left, by Q along each state
+_MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states together
 
 
 def certify_intervals(
-    system: control.StateSpace, blocks: Sequence[Block], level: float, *, most: int = MOST_INTERVALS
+    system: control.StateSpace, blocks: Sequence[Block], level: float, *, most: int = _MOST_INTERVALS
 ) -> Certificate:
     """Return a certificate of a level of a stable system with one scaling an interval.
 
@@ -64,7 +64,7 @@ def certify_intervals(
     done: list[tuple[float, IntervalProof]] = []
     if not system.nstates:
         return failed_certificate(LEVEL, level, "no scaling was found, and without states there are no intervals")
-    search = IntervalSearch.of(system, tuple(blocks), level)
+    search = _IntervalSearch.of(system, tuple(blocks), level)
     while waiting:
         low, high = waiting.pop()
         piece, (reached, where) = search.prove(low, high)
@@ -95,7 +95,7 @@ def certify_intervals(
 
 
 @value(copy=False)
-class Frozen:
+class _Frozen:
     """A scaling: X of every block and K of the real ones, complex; X_L, X_R and K on the channels."""
 
     X: tuple[np.ndarray, ...]
@@ -116,7 +116,7 @@ class Frozen:
 
 
 @value(copy=False)
-class IntervalSearch:
+class _IntervalSearch:
     """A stable system at level one in continuous time, whose intervals of x are to be proved.
 
     Fields
@@ -137,7 +137,7 @@ class IntervalSearch:
     poles: np.ndarray
 
     @classmethod
-    def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> IntervalSearch:
+    def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> _IntervalSearch:
         """Return the search of a system."""
         search, exact = ScalingSearch.of(system, blocks, level), to_matrices(system)
         A = search.matrices[0]
@@ -164,8 +164,8 @@ class IntervalSearch:
         """Return whether an interval is not to be cut any more."""
         speeds = np.abs(self.poles)
         if np.isinf(high):
-            return bool(low > speeds.max() / NARROW)
-        return bool(high - low <= NARROW * low if low else high < NARROW * speeds.min())
+            return bool(low > speeds.max() / _NARROW)
+        return bool(high - low <= _NARROW * low if low else high < _NARROW * speeds.min())
 
     def cut_between(self, low: float, high: float) -> float:
         """Return where an interval is cut."""
@@ -177,25 +177,25 @@ class IntervalSearch:
         """Return the proof of one interval, or none; and the largest bound seen there over the level, and where."""
         if not low and np.isinf(high):
             return None, (0.0, 0.0)
-        turned, back_to_x = on_unit_interval(self.search.matrices, low, high)
-        response = evaluate_transfer(*turned, 1j * WITHIN)
+        turned, back_to_x = _on_unit_interval(self.search.matrices, low, high)
+        response = evaluate_transfer(*turned, 1j * _WITHIN)
         bound = upper_bound(response, self.claim.blocks, target=1.0)
-        alpha, beta, gamma, delta = mobius(low, high)
-        v = WITHIN[bound.value.argmax()]
+        alpha, beta, gamma, delta = _mobius(low, high)
+        v = _WITHIN[bound.value.argmax()]
         there = (delta * v - beta) / (alpha - gamma * v) if alpha > gamma * v else np.inf
         reached = float(bound.value.max()), self.omega_of(there)
         assert bound.scaling is not None  # of an upper bound
         tried = [
             self.freeze(*(each[:, :, k] for each in bound.scaling), floor=floor)
-            for floor in FLOORS
-            for k in range(len(WITHIN))
+            for floor in _FLOORS
+            for k in range(len(_WITHIN))
         ]
-        left = [float(least_eigenvalues(one.root @ one.popov(response) @ one.root.conj().T).min()) for one in tried]
-        best = int(np.argmax(np.array(left) >= NEARLY * max(left)))  # of the highest floor that is nearly as good
+        left = [float(_least_eigenvalues(one.root @ one.popov(response) @ one.root.conj().T).min()) for one in tried]
+        best = int(np.argmax(np.array(left) >= _NEARLY * max(left)))  # of the highest floor that is nearly as good
         if reached[0] >= 1 or not left[best] > 0:
             return None, reached
         units = self.search.balance**2
-        for P, Q in storages(turned, tried[best], left[best], self.around(low, high)):
+        for P, Q in _storages(turned, tried[best], left[best], self.around(low, high)):
             piece = IntervalProof(
                 P=ComplexMatrix.of(back_to_x[0] * P),
                 Q=ComplexMatrix.of(back_to_x[1] * Q),
@@ -210,15 +210,15 @@ class IntervalSearch:
 
     def around(self, low: float, high: float) -> np.ndarray:
         """Return v of frequencies in and around an interval, and around every pole, of both signs."""
-        alpha, beta, gamma, delta = mobius(low, high)
+        alpha, beta, gamma, delta = _mobius(low, high)
         at_modes = np.abs(self.poles.imag)[:, None] + np.outer(self.poles.real, [-1, 0, 1])
-        x = np.concatenate([np.outer(np.abs(self.poles), MODE_OFFSETS).ravel(), at_modes.ravel()])
+        x = np.concatenate([np.outer(np.abs(self.poles), _MODE_OFFSETS).ravel(), at_modes.ravel()])
         x = np.concatenate([x, -x, [0.0]])
         with np.errstate(all="ignore"):
             v = (alpha * x + beta) / (gamma * x + delta)
-        return np.concatenate([AROUND, v[np.abs(v) < FARTHEST]])
+        return np.concatenate([_AROUND, v[np.abs(v) < _FARTHEST]])
 
-    def freeze(self, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray, *, floor: float) -> Frozen:
+    def freeze(self, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray, *, floor: float) -> _Frozen:
         """Return the scaling of a bound, with its structure to the last bit, above a share of the largest."""
         left, right = D_L.conj().T @ D_L, D_R.conj().T @ D_R
         skew, X, K, r, c = -1j * D_R.conj().T @ G @ D_L, [], [], 0, 0
@@ -232,10 +232,10 @@ class IntervalSearch:
         size = float(np.exp(np.mean([np.log(np.trace(each).real / len(each)) for each in X])))
         X, K = ([each / size for each in group] for group in (X, K))
         left, right, skew = self.search.place(X, K)
-        return Frozen(X=tuple(X), K=tuple(K), left=left, right=right, skew=skew)
+        return _Frozen(X=tuple(X), K=tuple(K), left=left, right=right, skew=skew)
 
 
-def mobius(low: float, high: float) -> tuple[float, float, float, float]:
+def _mobius(low: float, high: float) -> tuple[float, float, float, float]:
     """Return alpha, beta, gamma, delta with v = (alpha x + beta)/(gamma x + delta) of -1 and 1 at the ends."""
     if np.isinf(high):
         return 1.0, -3 * low, 1.0, low
@@ -243,10 +243,10 @@ def mobius(low: float, high: float) -> tuple[float, float, float, float]:
     return 1 / half, -(low + high) / (2 * half), 0.0, 1.0
 
 
-def on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matrices, tuple[float, float]]:
+def _on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matrices, tuple[float, float]]:
     """Return the system by v, and the factors that take P and Q back to x."""
     A, B, C, D = matrices
-    alpha, beta, gamma, delta = mobius(low, high)
+    alpha, beta, gamma, delta = _mobius(low, high)
     one = np.eye(len(A))
     back = np.linalg.inv(delta * one - 1j * gamma * A)
     A_v = (alpha * A + 1j * beta * one) @ back
@@ -254,13 +254,15 @@ def on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matri
     return turned, (4 * low, 8 * low) if np.isinf(high) else (alpha, alpha**2)
 
 
-def least_eigenvalues(M: np.ndarray) -> np.ndarray:
+def _least_eigenvalues(M: np.ndarray) -> np.ndarray:
     """(W,) least eigenvalues of Hermitian matrices; -inf of those with numbers that are not finite."""
     fine = np.isfinite(M).all(axis=(1, 2))
     return np.where(fine, np.linalg.eigvalsh(np.where(fine[:, None, None], M, 0))[:, 0], -np.inf)
 
 
-def storages(turned: Matrices, scaling: Frozen, left: float, v: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _storages(
+    turned: Matrices, scaling: _Frozen, left: float, v: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield P and Q by v, with ever less margin; none where no Q of those tried does on the grid."""
     A, B, C, D = turned
     n, root = len(A), scaling.root
@@ -271,28 +273,28 @@ def storages(turned: Matrices, scaling: Frozen, left: float, v: np.ndarray) -> I
     costs = [(1 - v**2)[:, None, None] * (conjugate_transpose(g) @ W @ g) for W in along]
     without = root @ scaling.popov(C @ (g @ np.linalg.inv(root.conj().T)) + D) @ root.conj().T
     within = np.abs(v) < 1
-    units = [left / max(-float(least_eigenvalues(-each[within]).min()), 1e-100) for each in costs]
-    tried = [(p * units[0], q * units[1]) for p in SHARES for q in (0.0, *SHARES)]
-    worst = [float(least_eigenvalues(without - p * costs[0] - q * costs[1]).min()) for p, q in tried]
+    units = [left / max(-float(_least_eigenvalues(-each[within]).min()), 1e-100) for each in costs]
+    tried = [(p * units[0], q * units[1]) for p in _SHARES for q in (0.0, *_SHARES)]
+    worst = [float(_least_eigenvalues(without - p * costs[0] - q * costs[1]).min()) for p, q in tried]
     best = int(np.argmax(worst))
     if not worst[best] > 0:
         return
     Q = tried[best][0] * along[0] + tried[best][1] * along[1]
-    Q = (Q + Q.conj().T) / 2 + LEAST_Q * worst[best] / n * np.eye(n)
-    for margin in MARGINS:
-        P = riccati_storage((A, B, C, D), scaling, Q, margin * worst[best] / n)
+    Q = (Q + Q.conj().T) / 2 + _LEAST_Q * worst[best] / n * np.eye(n)
+    for margin in _MARGINS:
+        P = _riccati_storage((A, B, C, D), scaling, Q, margin * worst[best] / n)
         if P is not None:
             yield P / np.outer(size, size), Q / np.outer(size, size)
 
 
-def riccati_storage(turned: Matrices, scaling: Frozen, Q: np.ndarray, margin: float) -> np.ndarray | None:
+def _riccati_storage(turned: Matrices, scaling: _Frozen, Q: np.ndarray, margin: float) -> np.ndarray | None:
     """Return P that solves the inequality with a margin for every state; None where there is none."""
     A, B, C, D = turned
     n = len(A)
     top = Q - A.conj().T @ Q @ A + C.conj().T @ scaling.left @ C + margin * np.eye(n)
     side = -A.conj().T @ Q @ B + C.conj().T @ (scaling.left @ D - scaling.skew.conj().T)
     corner = -scaling.popov(D[None])[0] - B.conj().T @ Q @ B
-    if not least_eigenvalues(-corner[None])[0] > 0:
+    if not _least_eigenvalues(-corner[None])[0] > 0:
         return None
     try:
         F = A - B @ np.linalg.solve(corner, side.conj().T)

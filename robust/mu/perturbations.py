@@ -22,21 +22,21 @@ from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.scalings import MuBound, optimal_scalings, response_matrices, scaled_square
 
-RACE, FINISH = 12, 400  # steps from every start, and from the best of them
-N_FINISHERS = 3
-STARTS_OF_REAL = 4  # times as many starts with real blocks, which leave many local maxima
-SINGULARITY_TOLERANCE = 1e-8
-BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
+_RACE, _FINISH = 12, 400  # steps from every start, and from the best of them
+_N_FINISHERS = 3
+_STARTS_OF_REAL = 4  # times as many starts with real blocks, which leave many local maxima
+_SINGULARITY_TOLERANCE = 1e-8
+_BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
 MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # of the way to the smallest perturbation
-GROWTH = 1e-9  # relative growth of the eigenvalue below which no step is worth while
-N_ANGLES = 24
-MOST_NUMBERS = 8  # real numbers of which all signs are tried: n 2^(n-2) polynomials at each frequency
-REAL_ROOT = 1e-6  # relative imaginary part of a root that is taken for rounding; what comes of it is verified
-EIGENVALUE_TURNS = 2.0  # least price of an imaginary part
+_GROWTH = 1e-9  # relative growth of the eigenvalue below which no step is worth while
+_N_ANGLES = 24
+_MOST_NUMBERS = 8  # real numbers of which all signs are tried: n 2^(n-2) polynomials at each frequency
+_REAL_ROOT = 1e-6  # relative imaginary part of a root that is taken for rounding; what comes of it is verified
+_EIGENVALUE_TURNS = 2.0  # least price of an imaginary part
 
 
 @value(copy=False)
-class Mode:
+class _Mode:
     """An eigenvalue of N Delta for every matrix.
 
     Fields
@@ -106,33 +106,33 @@ def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) ->
 def search_perturbation(M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator) -> MuBound:
     """Return the largest lower bound found on (W, n_out, n_in) matrices."""
     W = len(M)
-    left, right, bound = worst_directions(M, s)
-    count = 1 + n_starts * (STARTS_OF_REAL if s.skew.size else 1)
+    left, right, bound = _worst_directions(M, s)
+    count = 1 + n_starts * (_STARTS_OF_REAL if s.skew.size else 1)
     starts = [
-        perturbation_from_directions(left, right, s=s, rng=rng if k else None, random=k % 3 == 2) for k in range(count)
+        _perturbation_from_directions(left, right, s=s, rng=rng if k else None, random=k % 3 == 2) for k in range(count)
     ]
     if s.skew.size and set(s.kinds) != {"real"}:
         starts.append(without_real_blocks(starts[0], s))
     best, delta = np.zeros(W), np.full((W, *s.shape[::-1]), np.nan, complex)
-    raced, reached = ascend(np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=RACE)
+    raced, reached = _ascend(np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=_RACE)
     raced, reached = raced.reshape(len(starts), W, *raced.shape[1:]), reached.reshape(len(starts), W)
-    if set(s.kinds) == {"real"} and len(s.kinds) == s.shape[0] and 1 < s.shape[0] <= MOST_NUMBERS:
-        best, delta = verified_bound(M, restore_eigenvalue(M, all_but_one_at_limits(M), s), s)
+    if set(s.kinds) == {"real"} and len(s.kinds) == s.shape[0] and 1 < s.shape[0] <= _MOST_NUMBERS:
+        best, delta = _verified_bound(M, _restore_eigenvalue(M, _all_but_one_at_limits(M), s), s)
     order = np.argsort(-reached, axis=0)
-    for place in order[: N_FINISHERS * (STARTS_OF_REAL if s.skew.size else 1)]:
-        at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
+    for place in order[: _N_FINISHERS * (_STARTS_OF_REAL if s.skew.size else 1)]:
+        at = np.flatnonzero(best < (1 - _BOUNDS_MEET) * bound)  # elsewhere it is mu
         if not at.size:
             break
-        candidate, _ = ascend(M[at], raced[place[at], at], s=s, n_steps=FINISH)
+        candidate, _ = _ascend(M[at], raced[place[at], at], s=s, n_steps=_FINISH)
         if s.skew.size:
-            candidate = restore_eigenvalue(M[at], candidate, s)
-        value, candidate = verified_bound(M[at], candidate, s)
+            candidate = _restore_eigenvalue(M[at], candidate, s)
+        value, candidate = _verified_bound(M[at], candidate, s)
         better = value > best[at]
         best[at[better]], delta[at[better]] = value[better], candidate[better]
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
+def _all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
     """Smallest diagonal (W, n, n) of real numbers with det(I - M delta) = 0 and all but one of a size; zero for none.
 
     With the others at k times their signs, det = a(k) + t b(k) for the number t that is left: real where Im(a b*) = 0,
@@ -151,7 +151,7 @@ def all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
         a, b = (np.fft.fft(values, axis=1) / n for values in (without, by_free))  # (W, n) from the power zero on
         products = a[:, :, None] * b[:, None, :].conj()
         parts = [np.trace(products[:, :, ::-1], n - 1 - power, axis1=1, axis2=2).imag for power in range(2 * n - 1)]
-        k = real_roots(np.stack(parts, axis=1))
+        k = _real_roots(np.stack(parts, axis=1))
         with np.errstate(all="ignore"):
             powers = k[:, :, None] ** np.arange(n)
             t = -(np.einsum("wkp,wp->wk", powers, a) / np.einsum("wkp,wp->wk", powers, b)).real
@@ -165,7 +165,7 @@ def all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
     return delta
 
 
-def real_roots(coefficients: np.ndarray) -> np.ndarray:
+def _real_roots(coefficients: np.ndarray) -> np.ndarray:
     """Return (W, degree) real roots of polynomials (W, degree + 1), from the power zero on; nan where there is none."""
     reversed_ = coefficients[:, 1:] / np.where(coefficients[:, :1] == 0, 1e-300, coefficients[:, :1])  # of 1/k
     n = reversed_.shape[1]
@@ -174,7 +174,7 @@ def real_roots(coefficients: np.ndarray) -> np.ndarray:
     companion[:, np.arange(1, n), np.arange(n - 1)] = 1.0
     inverse = np.linalg.eigvals(companion)
     with np.errstate(all="ignore"):
-        return np.where(np.abs(inverse.imag) <= REAL_ROOT * np.abs(inverse), 1 / inverse.real, np.nan)
+        return np.where(np.abs(inverse.imag) <= _REAL_ROOT * np.abs(inverse), 1 / inverse.real, np.nan)
 
 
 def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
@@ -186,26 +186,26 @@ def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     return out
 
 
-def ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+def _ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
 
     With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
     """
     delta, turned = normalize_perturbation(delta, s), not s.skew.size
-    price = np.full(len(M), 0.0 if turned else EIGENVALUE_TURNS)
+    price = np.full(len(M), 0.0 if turned else _EIGENVALUE_TURNS)
     reached, todo = np.zeros(len(M)), np.arange(len(M))
     for _ in range(n_steps):
         if not todo.size:
             break
         N, now = M[todo], delta[todo]
-        mode = best_mode(N, now, price[todo])
+        mode = _best_mode(N, now, price[todo])
         if turned:  # complex blocks alone turn together
             phase = np.exp(-1j * np.angle(mode.value))
             now = now * phase[:, None, None]
-            mode = Mode(value=np.abs(mode.value) + 0j, drive=mode.drive * phase[:, None], right=mode.right)
-        smallest, multiplier = smallest_perturbation(mode, s)
+            mode = _Mode(value=np.abs(mode.value) + 0j, drive=mode.drive * phase[:, None], right=mode.right)
+        smallest, multiplier = _smallest_perturbation(mode, s)
         if not turned:
-            price[todo] = np.maximum(EIGENVALUE_TURNS, 2 * np.minimum(multiplier, 20.0))
+            price[todo] = np.maximum(_EIGENVALUE_TURNS, 2 * np.minimum(multiplier, 20.0))
         before = mode.value.real - price[todo] * np.abs(mode.value.imag)
         best, moved = before.copy(), now.copy()
         for share in MOVES:
@@ -214,23 +214,23 @@ def ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int)
             each = np.abs(values) if turned else values.real - price[todo][:, None] * np.abs(values.imag)
             better = each.max(axis=1) > best
             best, moved[better] = np.maximum(best, each.max(axis=1)), candidate[better]
-            if turned and (best > before * (1 + GROWTH)).all():  # the whole way is best as a rule
+            if turned and (best > before * (1 + _GROWTH)).all():  # the whole way is best as a rule
                 break
         delta[todo], reached[todo] = moved, best
-        todo = todo[best - before > GROWTH * np.abs(best)]
+        todo = todo[best - before > _GROWTH * np.abs(best)]
     return delta, reached
 
 
-def best_mode(M: np.ndarray, delta: np.ndarray, price: np.ndarray) -> Mode:
+def _best_mode(M: np.ndarray, delta: np.ndarray, price: np.ndarray) -> _Mode:
     """The eigenvalue of M delta of largest real part less the price of the imaginary one; of none the largest."""
     values, vectors = np.linalg.eig(M @ delta)
     worth = np.where(price[:, None] > 0, values.real - price[:, None] * np.abs(values.imag), np.abs(values))
     each, k = np.arange(len(M)), worth.argmax(axis=1)
     duals = np.linalg.inv(vectors + 1e-14 * np.eye(M.shape[1]))
-    return Mode(value=values[each, k], drive=np.einsum("wr,wrc->wc", duals[each, k], M), right=vectors[each, :, k])
+    return _Mode(value=values[each, k], drive=np.einsum("wr,wrc->wc", duals[each, k], M), right=vectors[each, :, k])
 
 
-def smallest_perturbation(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def _smallest_perturbation(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """Delta over its size k (W, n_in, n_out), the smallest with drive Delta right = 1, and |its multiplier| (W,).
 
     Real blocks add a_j delta_j, complex ones any number of modulus up to b k. By duality
@@ -238,22 +238,22 @@ def smallest_perturbation(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np
     between its limits, and takes what the others leave of the imaginary part.
     """
     W = len(mode.value)
-    a, b = real_and_complex_effects(mode, s)
+    a, b = _real_and_complex_effects(mode, s)
     n_real = a.shape[1]
     each = np.arange(W)
     theta, kink = np.zeros(W), np.zeros(W, bool)
     if n_real:
-        grid = np.linspace(-np.pi / 2, np.pi / 2, N_ANGLES + 2)[1:-1] if b.any() else np.zeros(0)
+        grid = np.linspace(-np.pi / 2, np.pi / 2, _N_ANGLES + 2)[1:-1] if b.any() else np.zeros(0)
         kinks = np.mod(np.angle(a) + np.pi, np.pi) - np.pi / 2  # a_j exp(-j theta) is imaginary there
         angles = np.concatenate([kinks, np.broadcast_to(grid, (W, grid.size))], axis=1)
-        k = smallest_size(angles, a, b).argmax(axis=1)
+        k = _smallest_size(angles, a, b).argmax(axis=1)
         theta, kink = angles[each, k], k < n_real
         if grid.size:
-            theta = np.where(kink, theta, refine_angle(theta, np.pi / (N_ANGLES + 1), a=a, b=b))
+            theta = np.where(kink, theta, _refine_angle(theta, np.pi / (_N_ANGLES + 1), a=a, b=b))
     turn = np.exp(1j * theta)
     delta = align_perturbation(mode.drive.conj(), mode.right, turn=turn, s=s)
     if n_real:
-        size = smallest_size(theta[:, None], a, b)[:, 0]
+        size = _smallest_size(theta[:, None], a, b)[:, 0]
         along = turn.conj()[:, None] * a
         x = np.where(along.real >= 0, 1.0, -1.0)
         free = np.where(kink, k, 0)
@@ -267,7 +267,7 @@ def smallest_perturbation(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np
     return delta, np.abs(np.tan(theta))
 
 
-def real_and_complex_effects(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def _real_and_complex_effects(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """(W, n_real) what one of each real block adds to the eigenvalue, (W,) how much the complex blocks do at most."""
     a, b = [], np.zeros(len(mode.value))
     for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
@@ -281,18 +281,18 @@ def real_and_complex_effects(mode: Mode, s: BlockStructure) -> tuple[np.ndarray,
     return np.array(a).T.reshape(b.size, -1), b
 
 
-def smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(W, angles) cos(theta)/(sum |Re a_j exp(-j theta)| + b): a lower bound of the size, at its largest the size."""
     reach = np.abs((np.exp(-1j * theta)[:, :, None] * a[:, None]).real).sum(axis=2) + b[:, None]
     return np.cos(theta) / np.maximum(reach, 1e-300)
 
 
-def refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the angles (W,) of largest size within a width, by golden sections."""
     low, high = theta - width, theta + width
     for _ in range(12):
         inner = np.stack([low + 0.382 * (high - low), low + 0.618 * (high - low)], axis=1)
-        size = smallest_size(inner, a, b)
+        size = _smallest_size(inner, a, b)
         up = size[:, 0] < size[:, 1]
         low, high = np.where(up, inner[:, 0], low), np.where(up, high, inner[:, 1])
     return (low + high) / 2
@@ -312,7 +312,7 @@ def normalize_perturbation(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     return delta
 
 
-def verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def _verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """1/size of the perturbations, scaled to an eigenvalue one of N delta; zero where the loop is not singular."""
     closed = M @ delta
     eigenvalues = np.linalg.eigvals(closed)
@@ -327,11 +327,11 @@ def verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple
     delta = np.where(fine[:, None, None], delta, 0)
     least = np.linalg.svd(np.eye(M.shape[1]) - M @ delta, compute_uv=False)
     size = np.linalg.svd(delta, compute_uv=False)[:, 0]
-    fine &= (least[:, -1] <= SINGULARITY_TOLERANCE * np.maximum(least[:, 0], 1.0)) & (size > 0)
+    fine &= (least[:, -1] <= _SINGULARITY_TOLERANCE * np.maximum(least[:, 0], 1.0)) & (size > 0)
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
     There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
@@ -348,7 +348,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.n
     return left, right, bound * size
 
 
-def perturbation_from_directions(
+def _perturbation_from_directions(
     left: np.ndarray, right: np.ndarray, *, s: BlockStructure, rng: np.random.Generator | None, random: bool
 ) -> np.ndarray:
     """Return a perturbation of size one along the first direction, or along a random combination, or any random one."""
@@ -390,11 +390,11 @@ def align_perturbation(
     return delta
 
 
-def restore_eigenvalue(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+def _restore_eigenvalue(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     """Newton steps of least length that bring the eigenvalue onto the real axis, sizes left free."""
     delta = delta.copy()
     for _ in range(8):
-        mode = best_mode(M, delta, np.full(len(M), EIGENVALUE_TURNS))
+        mode = _best_mode(M, delta, np.full(len(M), _EIGENVALUE_TURNS))
         slopes = np.zeros((len(M), len(s.kinds)))
         for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
             if kind == "real":

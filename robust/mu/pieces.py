@@ -25,14 +25,14 @@ from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 
 @value(copy=False)
-class TurningMatrix:
+class _TurningMatrix:
     """A matrix Z of x_0 that is Re Z + t Im Z, with t = j at x_0."""
 
     re: fmpq_mat
     im: fmpq_mat
 
     @classmethod
-    def of(cls, Z: np.ndarray) -> TurningMatrix:
+    def of(cls, Z: np.ndarray) -> _TurningMatrix:
         """Return a matrix of complex numbers."""
         return cls(re=to_rational_matrix(Z.real), im=to_rational_matrix(Z.imag))
 
@@ -57,10 +57,10 @@ def cut_by_scaling(
     """
     assert found.scaling is not None  # of an upper bound
     D_L, D_R, G = (each[:, :, 0] for each in found.scaling)
-    c = coefficients(s.left, D_L.conj().T @ D_L)
+    c = _coefficients(s.left, D_L.conj().T @ D_L)
     X_L, X_R = np.tensordot(c, s.left, 1), np.tensordot(c, s.right, 1)
-    K = -1j * np.tensordot(coefficients(s.skew, D_R.conj().T @ G @ D_L), s.skew, 1)
-    left, right, skew, skew_adjoint = (TurningMatrix.of(Z) for Z in (X_L, X_R, K, K.conj().T))
+    K = -1j * np.tensordot(_coefficients(s.skew, D_R.conj().T @ G @ D_L), s.skew, 1)
+    left, right, skew, skew_adjoint = (_TurningMatrix.of(Z) for Z in (X_L, X_R, K, K.conj().T))
     n = len(units)
     unit = fmpq_mat(n, n, [1 / to_rational(units[i]) if i == j else 0 for i in range(n) for j in range(n)])
 
@@ -71,16 +71,16 @@ def cut_by_scaling(
 
     if not left.at(ExactMatrix(re=fmpq_mat([[0]]), im=fmpq_mat([[1]]))).is_positive:
         return "a scaling that was found is not positive"
-    parts = [H, factor_of_imaginary_parts(to_rational(x), n)]
+    parts = [H, _factor_of_imaginary_parts(to_rational(x), n)]
     return cut_at_crossings(parts, inequality, low=band[0], high=band[1], deadline=deadline)
 
 
-def coefficients(basis: np.ndarray, Z: np.ndarray) -> np.ndarray:
+def _coefficients(basis: np.ndarray, Z: np.ndarray) -> np.ndarray:
     """Return (K,) what a Hermitian matrix is made of: then both sides of a scaling are alike to the last bit."""
     return np.array([np.vdot(one, Z).real / np.vdot(one, one).real for one in basis])
 
 
-def factor_of_imaginary_parts(x: fmpq, n: int) -> TransferMatrix:
+def _factor_of_imaginary_parts(x: fmpq, n: int) -> TransferMatrix:
     """Return 2 x s/(x^2 - s^2), as a system of which up to n are multiplied."""
     k, none = (n + 1) // 2, fmpq_poly([0])
     den = fmpq_poly([x * x, -1]) ** (k - 1)

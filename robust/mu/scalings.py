@@ -19,13 +19,13 @@ from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
 from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
-MAX_STEPS = 80
-MAX_STEPS_REAL = 200
+_MAX_STEPS = 80
+_MAX_STEPS_REAL = 200
 #: Least number of steps, and products of numbers in all of them from where on fewer steps are made; some ten seconds.
-LEAST_STEPS, MOST_WORK = 1, 2e9
-CENTRE_GAP = 1e-9
-CENTRE_REGULARISATION = 0.1
-MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
+_LEAST_STEPS, _MOST_WORK = 1, 2e9
+_CENTRE_GAP = 1e-9
+_CENTRE_REGULARISATION = 0.1
+_MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
 
 
 @value(copy=False)
@@ -160,7 +160,7 @@ def conjugate_transpose(M: np.ndarray) -> np.ndarray:
     return M.conj().swapaxes(-1, -2)
 
 
-def osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
+def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
     """Return (W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
     sizes = np.stack(
         [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
@@ -186,24 +186,24 @@ def optimal_scalings(
     scalings on many frequencies are found a few frequencies at a time, where they are very many in fewer steps. Blocks
     that no loop joins have no centre together, and are scaled each on its own.
     """
-    label, depth = separate_loops(N, s)
+    label, depth = _separate_loops(N, s)
     if label.max() > 0:
-        return scalings_of_loops(N, s, label=label, depth=depth, target=target)
+        return _scalings_of_loops(N, s, label=label, depth=depth, target=target)
     W, size = N.shape[0], len(s.left) + len(s.skew)
     target = np.broadcast_to(np.square(target), W)
-    parts = np.array_split(np.arange(W), max(1, W * size * N.shape[2] ** 2 // MAX_ENTRIES))
-    most = int(np.clip(MOST_WORK / (W * size**2 * N.shape[2] ** 2 + 1), LEAST_STEPS, MAX_STEPS_REAL))
-    n_steps = min(most, MAX_STEPS_REAL if s.skew.size else MAX_STEPS)
-    found = [method_of_centres(N[part], s, target=target[part], n_steps=n_steps) for part in parts]
+    parts = np.array_split(np.arange(W), max(1, W * size * N.shape[2] ** 2 // _MAX_ENTRIES))
+    most = int(np.clip(_MOST_WORK / (W * size**2 * N.shape[2] ** 2 + 1), _LEAST_STEPS, _MAX_STEPS_REAL))
+    n_steps = min(most, _MAX_STEPS_REAL if s.skew.size else _MAX_STEPS)
+    found = [_method_of_centres(N[part], s, target=target[part], n_steps=n_steps) for part in parts]
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
     return D_L, D_R, G
 
 
 #: By how much less what couples two blocks one way counts than what is in them, and the largest ratio of the two.
-ONE_WAY, MAX_COUPLING = 1e4, 1e16
+_ONE_WAY, _MAX_COUPLING = 1e4, 1e16
 
 
-def separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def _separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """Return (K,) which loop each block belongs to, and how many of them come before it."""
     acts = np.array([[bool(N[:, row, col].any()) for col in s.cols] for row in s.rows]) | np.eye(
         len(s.rows), dtype=bool
@@ -214,7 +214,7 @@ def separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.nda
     return np.ravel(label), (acts & ~acts.T).sum(axis=1)
 
 
-def scalings_of_loops(
+def _scalings_of_loops(
     N: np.ndarray, s: BlockStructure, *, label: np.ndarray, depth: np.ndarray, target: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return `optimal_scalings` of loops that act on one another one way at most."""
@@ -229,18 +229,18 @@ def scalings_of_loops(
         # what couples the loops has to vanish next to what is in them, whatever units it is in
         least = np.min(np.abs(inside).max(axis=(1, 2)), initial=np.inf, where=np.abs(inside).max(axis=(1, 2)) > 0)
         coupling = max(1.0, float(np.abs(N).max() / least)) if np.isfinite(least) else 1.0
-        unit = (ONE_WAY * min(coupling, MAX_COUPLING)) ** -float(depth[own[0]])
+        unit = (_ONE_WAY * min(coupling, _MAX_COUPLING)) ** -float(depth[own[0]])
         D_L[:, rows[:, None], rows], D_R[:, cols[:, None], cols] = unit * found[0], unit * found[1]
         G[:, cols[:, None], rows] = found[2]
     return D_L, D_R, G
 
 
-def method_of_centres(
+def _method_of_centres(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray, n_steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return D_L, D_R, G of least bound, all frequencies at once; below `target` (W,), squared, that of most room."""
     W = N.shape[0]
-    d = osborne_balance(N, s)
+    d = _osborne_balance(N, s)
     D_L, D_R = (
         np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
         for parts in (s.rows, s.cols)
@@ -248,19 +248,19 @@ def method_of_centres(
     G = np.zeros((W, *s.skew.shape[1:]), complex)
     todo = np.arange(W)
     M, L, R, g = D_L @ N @ np.linalg.inv(D_R), D_L.copy(), D_R.copy(), G.copy()
-    bound = top_eigenvalue(M, g)
+    bound = _top_eigenvalue(M, g)
     best = bound.copy()
     alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
     for _ in range(n_steps):
-        M, L, R, g, near, lost = newton_step_to_centre(M, L, R=R, G=g, alpha=alpha, s=s)
-        bound = top_eigenvalue(M, g)
+        M, L, R, g, near, lost = _newton_step_to_centre(M, L, R=R, G=g, alpha=alpha, s=s)
+        bound = _top_eigenvalue(M, g)
         goal = target[todo]
         better = (bound < best[todo]) | (alpha == goal)
         at = todo[better]
         D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
         # far from the centre alpha waits; near it, it goes down towards the bound reached
         gap = alpha - bound
-        done = lost | (gap <= CENTRE_GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
+        done = lost | (gap <= _CENTRE_GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
         keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
@@ -269,7 +269,7 @@ def method_of_centres(
     return D_L, D_R, G
 
 
-def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+def _top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return (W,) largest eigenvalue of `scaled_square`."""
     return np.linalg.eigvalsh(scaled_square(M, G))[:, -1]
 
@@ -284,7 +284,7 @@ def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     return square
 
 
-def newton_step_to_centre(
+def _newton_step_to_centre(
     M: np.ndarray, L: np.ndarray, *, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, ...]:
     """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
@@ -312,7 +312,7 @@ def newton_step_to_centre(
     gradient[:, :K] -= trace
     size = H.shape[1]
     # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
-    spring = CENTRE_REGULARISATION * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
+    spring = _CENTRE_REGULARISATION * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
     gradient[:, K:] += spring[:, None] * (G.reshape(W, n * M.shape[1]) @ G_rows.conj().T).real
     H[:, K:, K:] += spring[:, None, None] * (G_rows.conj() @ G_rows.T).real
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
@@ -354,7 +354,7 @@ def newton_step_to_centre(
     )
 
 
-N_REFINEMENTS = 4
+_N_REFINEMENTS = 4
 
 
 def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> np.ndarray:
@@ -365,7 +365,7 @@ def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> 
 def refine_grid(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
     mu = mu_bound_at(N, blocks, omega=omega)
-    for _ in range(N_REFINEMENTS):  # around the largest, five times closer each time
+    for _ in range(_N_REFINEMENTS):  # around the largest, five times closer each time
         k = int(mu.argmax())
         low = omega[k - 1] if k > 1 else omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]

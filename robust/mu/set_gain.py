@@ -24,8 +24,8 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.polynomials import polynomial_roots
 from robust.proofs.search.bands import TIME_CAP, GainBound
 
-TOLERANCE = 1e-3  # between the bound at all frequencies and the largest at one
-N_STARTS = 12  # frequencies at which a first level is found, most of them at poles
+_TOLERANCE = 1e-3  # between the bound at all frequencies and the largest at one
+_N_STARTS = 12  # frequencies at which a first level is found, most of them at poles
 
 
 def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = TIME_CAP) -> GainBound:
@@ -50,10 +50,10 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
     H, cols = TransferMatrix.of(to_matrices(N)), sum(block[1] for block in blocks)
     whole, _ = with_performance_block(blocks, (N.noutputs, N.ninputs))
     s = block_structure("blocks", whole)
-    omega = starting_points(H, dt)
+    omega = _starting_points(H, dt)
     gains = gain_bound(response_by_channel(N, omega), blocks)
     lower, peak = float(gains.max()), float(omega[gains.argmax()])
-    level, todo = lower * (1 + TOLERANCE), [(0.0, np.inf, points_of_band((peak, peak), dt)[0])]
+    level, todo = lower * (1 + _TOLERANCE), [(0.0, np.inf, points_of_band((peak, peak), dt)[0])]
     while todo and np.isfinite(level):
         low, high, x = todo.pop()
         here, units = frequency_of_point(x, dt), np.where(np.arange(N.ninputs) < cols, 1.0, level)
@@ -71,12 +71,12 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
             todo += [(low, high, x)] * (not found.value[0] < 1)
             gain = float(gain_bound(M.transpose(1, 2, 0), blocks)[0])
             lower, peak = (gain, here) if gain > lower else (lower, peak)
-            level = max(level, lower) * (1 + TOLERANCE)
+            level = max(level, lower) * (1 + _TOLERANCE)
     return GainBound(upper=level, lower=lower, omega=peak)
 
 
-def starting_points(H: TransferMatrix, dt: float) -> np.ndarray:
+def _starting_points(H: TransferMatrix, dt: float) -> np.ndarray:
     """Return frequencies [rad/s] of poles, the lightest first, for a first level."""
     s = polynomial_roots(H.characteristic)
-    s = s[np.argsort(np.abs(s.real) / np.abs(s))][:N_STARTS]
+    s = s[np.argsort(np.abs(s.real) / np.abs(s))][:_N_STARTS]
     return np.array([frequency_of_point(float(x), dt) for x in np.unique(np.abs(s))] or [1.0])

@@ -29,16 +29,16 @@ from robust.mu.scalings import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
-N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
-BOUND_LIMIT = 0.999  # what the bound there has to stay below
-MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
-MOST_BOXES, BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
-FEW_BOXES = 40  # parts of the box that are looked at in some ten seconds
-BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
-LEVEL_ACCURACY = 1e-3  # to which the level is found that the bound leaves on the test frequencies
+_MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
+_N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
+_BOUND_LIMIT = 0.999  # what the bound there has to stay below
+_MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
+MOST_BOXES, _BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
+_FEW_BOXES = 40  # parts of the box that are looked at in some ten seconds
+_BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
+_LEVEL_ACCURACY = 1e-3  # to which the level is found that the bound leaves on the test frequencies
 #: Of that level, or of what breaks, what is tried to be proved of the whole box: a peak may have been missed.
-WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
+_WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
 
 
 @value(copy=False)
@@ -99,7 +99,7 @@ def skewed_margin(
     *,
     growing: np.ndarray | None = None,
     gap: float,
-    max_boxes: int = FEW_BOXES,
+    max_boxes: int = _FEW_BOXES,
 ) -> SkewedMargin:
     """Return how large the blocks that grow may be, all when not given, to a relative gap where that is found.
 
@@ -125,9 +125,9 @@ def skewed_margin(
     )
     if not nominal.stable and (search.reason or nominal.at_boundary or not search.n_unstable):
         return replace(search, reason=search.reason or f"the system is {nominal}")
-    omega, start = level_on_grid(search)
-    search = find_broken(search, omega, start)
-    return close_gap(search, start, gap)
+    omega, start = _level_on_grid(search)
+    search = _find_broken(search, omega, start)
+    return _close_gap(search, start, gap)
 
 
 def scaled_system(search: SkewedMargin, level: float) -> control.StateSpace:
@@ -136,13 +136,13 @@ def scaled_system(search: SkewedMargin, level: float) -> control.StateSpace:
     return control.StateSpace(N.A, N.B, size * N.C, size * N.D, N.dt)
 
 
-def level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
+def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
     """Return frequencies around the peak, and the level at which the bound is one there: 0 where there is none."""
     omega = structure_grid(search.N)
-    omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
+    omega = omega[:: max(1, omega.size // _N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
     if search.growing.all():
         omega, mu = refine_grid(search.N, search.blocks, omega=omega)
-        return omega[np.sort(np.argsort(-mu)[:4])], 1 / max(float(mu.max()), 1 / MAX_FACTOR)
+        return omega[np.sort(np.argsort(-mu)[:4])], 1 / max(float(mu.max()), 1 / _MAX_FACTOR)
     M = np.moveaxis(response_by_channel(search.N, omega), 2, 0)
 
     def bound(level: float) -> np.ndarray:
@@ -157,7 +157,7 @@ def level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
             low = level
         else:
             high = level
-        if high <= low * (1 + LEVEL_ACCURACY) or low > MAX_FACTOR * 1e3 / size or high < 1e-9 / size:
+        if high <= low * (1 + _LEVEL_ACCURACY) or low > _MAX_FACTOR * 1e3 / size or high < 1e-9 / size:
             break
         level = 8 * low if np.isinf(high) else high / 8 if not low else np.sqrt(low * high)
     peaks = np.argsort(-bound(low or high))[:4]
@@ -167,7 +167,7 @@ def level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
     return omega[np.sort(peaks)], low
 
 
-def find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> SkewedMargin:
+def _find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> SkewedMargin:
     """Return the search with the smallest perturbation that was found to break the loop."""
     size = 1 / max(np.linalg.norm(response_by_channel(search.N, omega), axis=(0, 1)).max(), 1e-300)
     level = start or size
@@ -187,13 +187,13 @@ def find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> Skewed
     return search
 
 
-def close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
+def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
     """Return the search with a level proved, as near to what breaks the loop as parts of the box allow."""
     kept = search
-    for share in WHOLE_SHARES:
-        level = share * min(start, search.broken, MAX_FACTOR)
+    for share in _WHOLE_SHARES:
+        level = share * min(start, search.broken, _MAX_FACTOR)
         proof = (
-            certify_by_intervals(scaled_system(search, level), search.blocks, 1.0, most=BOX_INTERVALS)
+            certify_by_intervals(scaled_system(search, level), search.blocks, 1.0, most=_BOX_INTERVALS)
             if level
             else None
         )
@@ -204,9 +204,9 @@ def close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
     reason = (
         "the bound by scalings is not closer, and there are no real blocks to be cut" if not search.real.size else ""
     )
-    while search.broken > low * (1 + gap) and low < MAX_FACTOR and not reason:
-        level = next_level(low, min(search.broken, top), gap)
-        tried = prove_level(replace(search, level=level, left=(search.left + 1) // 2))
+    while search.broken > low * (1 + gap) and low < _MAX_FACTOR and not reason:
+        level = _next_level(low, min(search.broken, top), gap)
+        tried = _prove_level(replace(search, level=level, left=(search.left + 1) // 2))
         search = replace(search, left=search.left // 2 + tried.left)
         if not tried.reason:
             low, kept = tried.level, tried
@@ -215,55 +215,55 @@ def close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
         else:
             top = level
             reason = tried.reason if search.left < 2 or top < low * (1 + 2 * gap) else ""
-    met = search.broken <= low * (1 + gap) or low >= MAX_FACTOR
+    met = search.broken <= low * (1 + gap) or low >= _MAX_FACTOR
     return replace(search, level=low, boxes=kept.boxes, certificates=kept.certificates, reason="" if met else reason)
 
 
-def next_level(low: float, broken: float, gap: float) -> float:
+def _next_level(low: float, broken: float, gap: float) -> float:
     """Return the level to be proved next: all that the gap leaves where that is near, else between what is known."""
-    near = min(broken, MAX_FACTOR) / (1 + 0.9 * gap)
+    near = min(broken, _MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
-        return min(2 * low, MAX_FACTOR) if low else 1.0
+        return min(2 * low, _MAX_FACTOR) if low else 1.0
     return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
 
 
-def prove_level(search: SkewedMargin) -> SkewedMargin:
+def _prove_level(search: SkewedMargin) -> SkewedMargin:
     """Return the level proved on every part of the box; or broken below it, or the reason why it stays open."""
     waiting, proved, proofs = list(search.boxes), [], []
     while waiting:
         if not search.left:
             return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are looked at")
-        search, box = replace(search, left=max(search.left - box_cost(search.s), 0)), waiting.pop()
-        N = box_system(search, box)
-        if N is not None and has_poles_of_nominal(search, N):
-            proof, peak_at = prove_box(search, N)
+        search, box = replace(search, left=max(search.left - _box_cost(search.s), 0)), waiting.pop()
+        N = _box_system(search, box)
+        if N is not None and _has_poles_of_nominal(search, N):
+            proof, peak_at = _prove_box(search, N)
             if proof is not None:
                 proved.append(box)
                 proofs.append(proof)
                 continue
-            found = try_box(search, N, box)
+            found = _try_box(search, N, box)
         else:
             peak_at = np.nan
-            found = try_perturbation(search, place_parameters(search.s, box[0]))
+            found = _try_perturbation(search, _place_parameters(search.s, box[0]))
         if found.broken < search.broken:
             return replace(found, reason="broken")
-        parts = split_box(search, box, peak_at)
+        parts = _split_box(search, box, peak_at)
         if not parts:
             return replace(search, reason="a part of the box is too thin to be cut, and open")
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
 
 
-def box_cost(s: BlockStructure) -> int:
+def _box_cost(s: BlockStructure) -> int:
     """Return as how many parts of the box one counts, where its scalings are very many."""
-    return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // BOX_WORK)
+    return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // _BOX_WORK)
 
 
-def box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
+def _box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
     """Return what perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
     s, (middle, half) = search.s, box
     N = scaled_system(search, search.level)
-    C, H = place_parameters(s, middle).real, np.repeat(half, [col.stop - col.start for col in s.cols])
+    C, H = _place_parameters(s, middle).real, np.repeat(half, [col.stop - col.start for col in s.cols])
     return_difference = np.eye(s.shape[0]) - N.D @ C
     if np.linalg.cond(return_difference) > 1e12:
         return None
@@ -272,37 +272,37 @@ def box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> cont
     return control.StateSpace(N.A + N.B @ C @ y_x, N.B @ (C @ y_v + np.diag(H)), y_x, y_v, N.dt)
 
 
-def has_poles_of_nominal(search: SkewedMargin, N: control.StateSpace) -> bool:
+def _has_poles_of_nominal(search: SkewedMargin, N: control.StateSpace) -> bool:
     """Return whether N has as many unstable poles as the system without a perturbation."""
     if not search.n_unstable:
         return decide_stability(N).stable
     return int(np.sum(boundary_excess(N.poles(), N) > 0)) == search.n_unstable
 
 
-def prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate | None, float]:
+def _prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate | None, float]:
     """The proof that mu of a part stays below one, where a few frequencies do not contradict it; and where it peaks."""
     omega = structure_grid(N)
-    omega = omega[np.linspace(0, omega.size - 1, N_TEST_FREQUENCIES).astype(int)]
+    omega = omega[np.linspace(0, omega.size - 1, _N_TEST_FREQUENCIES).astype(int)]
     if np.isfinite(search.omega):
         omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
-    mu = upper_bound(np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=BOUND_LIMIT).value
+    mu = upper_bound(np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=_BOUND_LIMIT).value
     where = float(omega[mu.argmax()])
-    if not mu.max() < BOUND_LIMIT:
+    if not mu.max() < _BOUND_LIMIT:
         return None, where
-    proof = certify_by_intervals(N, search.blocks, 1.0, most=BOX_INTERVALS)
+    proof = certify_by_intervals(N, search.blocks, 1.0, most=_BOX_INTERVALS)
     return (proof if proof.holds else None), where
 
 
-def try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]) -> SkewedMargin:
+def _try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]) -> SkewedMargin:
     """With a perturbation of a part of the box that breaks the loop, if it is smaller than the one known."""
     found = find_crossing(N, search.s, least=1e-3, limit=1.0)
     if found is None:
         return search
-    C, H = place_parameters(search.s, box[0]), np.repeat(box[1], [col.stop - col.start for col in search.s.cols])
-    return try_perturbation(search, C + H[:, None] * found.delta)
+    C, H = _place_parameters(search.s, box[0]), np.repeat(box[1], [col.stop - col.start for col in search.s.cols])
+    return _try_perturbation(search, C + H[:, None] * found.delta)
 
 
-def try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
+def _try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
     """With the smallest size at which this perturbation breaks the loop, if it is smaller than the one known.
 
     It has size one: the blocks that grow are as large as that times the level, at which it breaks the loop.
@@ -317,7 +317,7 @@ def try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
     return replace(search, broken=found.size, delta=found.delta, omega=found.omega)
 
 
-def place_parameters(s: BlockStructure, x: np.ndarray) -> np.ndarray:
+def _place_parameters(s: BlockStructure, x: np.ndarray) -> np.ndarray:
     """Return the perturbation (n_in, n_out) with the numbers (K,) in its real blocks."""
     delta = np.zeros(s.shape[::-1], complex)
     for kind, row, col, number in zip(s.kinds, s.rows, s.cols, x, strict=True):
@@ -336,20 +336,20 @@ def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     )
 
 
-def split_box(
+def _split_box(
     search: SkewedMargin, box: tuple[np.ndarray, np.ndarray], omega: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
     middle, half = box
     found: list[list[tuple[np.ndarray, np.ndarray]]] = []
     for k in search.real:
-        if half[k] >= MIN_BOX_WIDTH:
+        if half[k] >= _MIN_BOX_WIDTH:
             move = half * (np.arange(half.size) == k) / 2
             found.append([(middle - move, half - move), (middle + move, half - move)])
     if not found:
         return []
     worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # the widest, where nothing else is known
-    cut = [box_system(search, part) for parts in found for part in parts]
+    cut = [_box_system(search, part) for parts in found for part in parts]
     if np.isfinite(omega) and all(N is not None for N in cut):
         responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
         worst = upper_bound(responses, search.blocks).value.reshape(-1, 2).max(axis=1)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Of levels, one after the other.
-LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
+_LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
 #: Widths of presliding, break-away force over stiffness, that a picture of the friction force shows on either side.
-SLIP_LENGTHS = 4.0
+_SLIP_LENGTHS = 4.0
 
 
 def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
@@ -81,12 +81,12 @@ def plot_friction_force(
         raise ValueError(f"loops must hold position and force of a record by its name, got {short_form(loops)}")
     ax = axes_or_new(ax)
     force, length = read.units if isinstance(read, FrictionFit) else read.sliding.units
-    for k, ((name, (x, f)), color) in enumerate(zip(loops.items(), cycle(LEVEL_COLORS))):  # the smallest on top
+    for k, ((name, (x, f)), color) in enumerate(zip(loops.items(), cycle(_LEVEL_COLORS))):  # the smallest on top
         ax.plot(1e6 * np.append(x, x[0]), np.append(f, f[0]), "-", lw=0.8, color=color, label=name, zorder=3 - 0.1 * k)
-    K0, Fs = force_numbers(read)
+    K0, Fs = _force_numbers(read)
     at_most = "" if isinstance(read, FrictionFit) else "at most "
     widest = max(float(np.ptp(x)) for x, _ in loops.values())
-    reach = min(widest, SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
+    reach = min(widest, _SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
     if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
         x = np.linspace(-reach, reach, 401)
         virgin = np.sign(x) * np.minimum(np.outer(np.abs(x), read.element_stiffness), read.element_strength).sum(axis=1)
@@ -108,7 +108,7 @@ def plot_friction_force(
     return finish_axes(ax)
 
 
-def force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
+def _force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
     """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan where it was left open."""
     if isinstance(read, FrictionForce):
         return float(np.mean(read.K0)), float(read.Fs.max())

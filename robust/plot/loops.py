@@ -32,8 +32,8 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     require_kind("report", report, RobustnessReport, LoopGains)
     ax = axes_or_new(ax)
     if isinstance(report, LoopGains):
-        return draw_gains(ax, report)
-    require_one_loop(report)
+        return _draw_gains(ax, report)
+    _require_one_loop(report)
     f = to_hertz(report.curves.omega)
     ax.plot(f, to_decibel(np.abs(report.curves.L)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
     ax.plot(f, to_decibel(np.abs(report.curves.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
@@ -43,14 +43,14 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
     seen = report.classical
-    mark_measured_band(
+    _mark_measured_band(
         ax, report.curves.omega, report.given.band, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain
     )
     fit_vertical_axis(ax)
     return finish_axes(ax)
 
 
-def draw_gains(ax: Axes, gains: LoopGains) -> Axes:
+def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     """Draw `plot_loop` of several channels."""
     f = to_hertz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
@@ -67,13 +67,13 @@ def draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     return finish_axes(ax)
 
 
-def require_one_loop(report: RobustnessReport) -> None:
+def _require_one_loop(report: RobustnessReport) -> None:
     """Refuse a report by the structured singular value, which has no curves of one loop."""
     if not report.is_single:
         raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
 
 
-def mark_measured_band(ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float) -> None:
+def _mark_measured_band(ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float) -> None:
     """The measured band of curves over omega [rad/s], and frequencies [rad/s] at which something happens."""
     f = to_hertz(omega)
     low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
@@ -101,7 +101,9 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         (report.curves.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
     )
     if single or report.given.band is not None:
-        mark_measured_band(ax, report.curves.omega, report.given.band, report.margins.omega_rs, report.margins.omega_rp)
+        _mark_measured_band(
+            ax, report.curves.omega, report.given.band, report.margins.omega_rs, report.margins.omega_rp
+        )
     inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.given.band is not None else f > 0
     drawn = [curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside] for curve, *_ in curves]
     for curve, label, color, style in curves:
@@ -149,7 +151,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     from matplotlib.patches import Circle
 
     require_kind("report", report, RobustnessReport)
-    require_one_loop(report)
+    _require_one_loop(report)
     n_discs = require_integer("n_discs", n_discs, least=0)
     ax = axes_or_new(ax)
     L = report.curves.L
@@ -214,7 +216,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     )
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
     finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
-    mark_measured_band(ax, family.omega, family.band, family.omega[np.argmax(finite)])
+    _mark_measured_band(ax, family.omega, family.band, family.omega[np.argmax(finite)])
     fit_vertical_axis(ax, most=60.0)
     return finish_axes(ax)
 

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: The parts of a budget in grey.
-HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
+_HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 
-AXIS_MARGIN = 15.0  # dB under the least gain of the nominal in a row
-FLAT_MARGIN = 5.0  # dB above and below a weight that is a number
-MAX_MARKERS = 300  # measured lines of several channels that are drawn with their bounds
-DECIBELS_BELOW, DECIBELS_ABOVE = (
+_AXIS_MARGIN = 15.0  # dB under the least gain of the nominal in a row
+_FLAT_MARGIN = 5.0  # dB above and below a weight that is a number
+_MAX_MARKERS = 300  # measured lines of several channels that are drawn with their bounds
+_DECIBELS_BELOW, _DECIBELS_ABOVE = (
     16.0,
     12.0,
 )  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
@@ -59,7 +59,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
     """
     require_kind("model", model, UncertaintyModel)
     if not model.is_single:
-        return draw_weights(model, ax)
+        return _draw_weights(model, ax)
     ax = axes_or_new(ax)
     f = to_hertz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
@@ -67,7 +67,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
         if np.any(part > floor):
             ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
-    wide = widened_band(model)
+    wide = _widened_band(model)
     ax.plot(
         to_hertz(wide),
         to_decibel(np.abs(response(model.weight, wide))),
@@ -114,9 +114,9 @@ def plot_set(
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:
         blas = [bla_behind_hold(one, timebase(model.nominal)) for one in blas]
-    omega = model.omega if model.measured_only else widened_band(model)
+    omega = model.omega if model.measured_only else _widened_band(model)
     if not model.is_single:
-        return draw_entries(model, blas, omega=omega, ax=ax)
+        return _draw_entries(model, blas, omega=omega, ax=ax)
     top, bottom = bode_axes(ax)
     f, G = to_hertz(omega), model.at(omega)
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
@@ -148,7 +148,7 @@ def plot_set(
     every = np.degrees(np.concatenate([phase, *shown]))
     bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
     top.set(
-        ylim=magnitude_limits(size, *(np.abs(one.G) for one in blas)),
+        ylim=_magnitude_limits(size, *(np.abs(one.G) for one in blas)),
         ylabel=f"magnitude [dB, {model.origin.unit or 'unit of y / u'}]",
     )
     join_labels(bottom, top)
@@ -156,13 +156,13 @@ def plot_set(
     return top, finish_axes(bottom)
 
 
-def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
+def _draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
     """Draw `plot_set` of several channels."""
     f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
-        floor = float(to_decibel(size[j][:, within].min())) - AXIS_MARGIN
+        floor = float(to_decibel(size[j][:, within].min())) - _AXIS_MARGIN
         gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
         gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE)
         for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
@@ -171,20 +171,20 @@ def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndar
                 to_decibel(gain) - to_decibel(lower_edge(gain, gain - radius)),
                 to_decibel(gain + radius) - to_decibel(gain),
             ]
-            if measured.f.size <= MAX_MARKERS:
+            if measured.f.size <= _MAX_MARKERS:
                 one.errorbar(measured.f, to_decibel(gain), ends, fmt="none", lw=0.6, color=color)
             label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
             one.plot(measured.f, to_decibel(gain), ".", ms=3, color=color, label=label)
         one.plot(f, to_decibel(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
         one.set_xscale("log")
         mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=f[-1])
-        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + AXIS_MARGIN)
+        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + _AXIS_MARGIN)
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
+def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
     """Draw `plot_weight` of several channels."""
-    omega = widened_band(model)
+    omega = _widened_band(model)
     if model.left:
         n_r, n_l = model.block_shape
         n = max(n_l, n_r)
@@ -214,14 +214,14 @@ def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
         mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
     for row in made:  # what is flat is drawn flat
         low, high = row[0].get_ylim()
-        row[0].set_ylim(min(low, (low + high) / 2 - FLAT_MARGIN), max(high, (low + high) / 2 + FLAT_MARGIN))
+        row[0].set_ylim(min(low, (low + high) / 2 - _FLAT_MARGIN), max(high, (low + high) / 2 + _FLAT_MARGIN))
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
+def _magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
     """Return the limits of the vertical axis [dB] around measured and fitted points, with a margin for a band."""
     every = np.concatenate(sizes)
-    return float(to_decibel(every[every > 0].min())) - DECIBELS_BELOW, float(to_decibel(every.max())) + DECIBELS_ABOVE
+    return float(to_decibel(every[every > 0].min())) - _DECIBELS_BELOW, float(to_decibel(every.max())) + _DECIBELS_ABOVE
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
@@ -233,7 +233,7 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     for name, part in model.budget.items():
         share = 100 * np.nan_to_num(part) / model.radius
         if np.any(share > 0.5):
-            over, colour, hatch = below + share, COLOR[name], HATCH[name]
+            over, colour, hatch = below + share, COLOR[name], _HATCH[name]
             ax.fill_between(
                 f, below, over, lw=0, label=name, alpha=0.75, facecolor=colour, edgecolor="0.25", hatch=hatch
             )
@@ -288,7 +288,7 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def widened_band(model: UncertaintyModel) -> np.ndarray:
+def _widened_band(model: UncertaintyModel) -> np.ndarray:
     """Return frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
     high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights))
     dt = dt or (0.0 if model.measured_only else timebase(model.nominal))

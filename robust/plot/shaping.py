@@ -19,7 +19,7 @@ from robust.plot.style import COLOR, mark_band, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST_VIEW, VIEW_MARGIN = 120.0, 10.0  # dB: the view ends there at the latest, or so far from curve and bounds
+_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: the view ends there at the latest, or so far from curve and bounds
 
 
 def plot_loop_bounds(
@@ -46,7 +46,7 @@ def plot_loop_bounds(
     known = np.log(np.abs(report.curves.L))
     L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
     shown = to_decibel(np.concatenate([one[(one > 0) & np.isfinite(one)] for one in (L, low, high)]))
-    floor, ceiling = max(shown.min() - VIEW_MARGIN, -LEAST_VIEW), min(shown.max() + VIEW_MARGIN, LEAST_VIEW)
+    floor, ceiling = max(shown.min() - _VIEW_MARGIN, -_LEAST_VIEW), min(shown.max() + _VIEW_MARGIN, _LEAST_VIEW)
     bottom, top = (np.clip(to_decibel(np.clip(one, 1e-300, 1e300)), floor, ceiling) for one in (low, high))
     f, outside = to_hertz(omega), (low > L) | (high < L)
     ax.axhline(0, color="0.5", lw=0.8)
@@ -58,12 +58,12 @@ def plot_loop_bounds(
         label = "beyond a bound"
         ax.plot(f[outside], to_decibel(L[outside]), "o", ms=4, color=COLOR["limit"], label=label)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]", ylim=(floor, ceiling))
-    ax.set_title(describe_check(report), fontsize="medium")
+    ax.set_title(_describe_check(report), fontsize="medium")
     mark_band(ax, (f[0], f[-1]))
     return finish_axes(ax)
 
 
-def describe_check(report: RobustnessReport) -> str:
+def _describe_check(report: RobustnessReport) -> str:
     """Return stability, worst demand and crossover in a line."""
     if not report.nominally_stable:
         return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 BAND_MARGIN = np.sqrt(10.0)  # half a decade beside the band is shown
 OVER_NOTE = "over 100 %: the set holds 0"  # of a band without a lower edge
-AXIS_MARGIN = 1.3  # around something that happens further out
+_AXIS_MARGIN = 1.3  # around something that happens further out
 
 
 def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
@@ -25,7 +25,7 @@ def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] =
     start, end = low / BAND_MARGIN, high * BAND_MARGIN
     for f in happens:
         if np.isfinite(f) and f > 0:
-            start, end = min(start, f / AXIS_MARGIN), max(end, f * AXIS_MARGIN)
+            start, end = min(start, f / _AXIS_MARGIN), max(end, f * _AXIS_MARGIN)
     end = max(min(end, top), high)
     ax.set_xlim(start, end)
     for one, other in ((start, low), (high, end)):

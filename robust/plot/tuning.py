@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: One colour for each limit, told apart by colour-blind readers too.
-COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
-PLANT_STYLES = ("-", "--", "-.", ":")
+_COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
+_PLANT_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
@@ -38,10 +38,11 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     ordered = sorted(design.limits, key=lambda one: (not one.hard, one.plant))
     colours = {
-        id(limit): COLOURS[k % len(COLOURS)] for k, limit in enumerate({id(o.limit): o.limit for o in ordered}.values())
+        id(limit): _COLOURS[k % len(_COLOURS)]
+        for k, limit in enumerate({id(o.limit): o.limit for o in ordered}.values())
     }
     for one in ordered:
-        colour, style = colours[id(one.limit)], PLANT_STYLES[one.plant % len(PLANT_STYLES)]
+        colour, style = colours[id(one.limit)], _PLANT_STYLES[one.plant % len(_PLANT_STYLES)]
         of_plant = f", plant {one.plant}" if len(design.plant.models) > 1 else ""
         label = f"{'hard' if one.hard else 'soft'} {one.limit}{of_plant}"
         f = to_hertz(one.omegas)

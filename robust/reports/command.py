@@ -32,8 +32,8 @@ from robust.models.sets.orders import describe_order, scan_orders
 if TYPE_CHECKING:
     import control
 
-BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
-MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
+_BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
+_MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]
 
 
@@ -48,7 +48,7 @@ def load_blas(
     """Return what was identified, its warnings repeated, or was measured as an FRF: of one kind, or a list of it."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        own = path.suffix.lower() in BLA_SUFFIXES
+        own = path.suffix.lower() in _BLA_SUFFIXES
         if own and (relative_std is not None or n_averages is not None or channel or columns):
             raise ValueError(
                 f"relative_std, n_averages, channel and columns must be left out for a BLA, got them with {path}"
@@ -58,7 +58,7 @@ def load_blas(
         one = (
             repeat_warnings(load_bla(path))
             if own
-            else read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns)
+            else _read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns)
         )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
@@ -66,7 +66,7 @@ def load_blas(
     return found[0] if len(found) == 1 else found
 
 
-def read_frf(
+def _read_frf(
     path: Path, *, relative_std: float | None, n_averages: float | None, channel: str, columns: str
 ) -> nlfrf.Bla:
     """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
@@ -80,7 +80,7 @@ def read_frf(
         raise ValueError(f"{error}; {way}") from None
 
 
-def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
+def _with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
     """Return a record whose file says no units with those of the first BLA of the same channels."""
     same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
     if not same or any(record.input_units + record.output_units):
@@ -88,7 +88,7 @@ def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Reco
     return replace(record, input_units=same[0].input_units, output_units=same[0].output_units)
 
 
-def fit_nominal_model(
+def _fit_nominal_model(
     blas: nlfrf.Bla | list[nlfrf.Bla],
     *,
     n_poles: int | None,
@@ -148,7 +148,7 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
             warnings.warn(
                 f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
             )
-        delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
+        delay = (stored or 0.0) if given is None else _require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
                 f"{path} was designed for a computation delay of {stored:g} s, and --delay says {delay:g} s: the "
@@ -160,18 +160,18 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
     return loops
 
 
-def require_delay(delay: float, dt: float) -> float:
+def _require_delay(delay: float, dt: float) -> float:
     """Return a computation delay [s], or a refusal where it is one in milliseconds, by the sampling time [s]."""
     require_nonnegative("delay", delay)
-    if dt and delay > MAX_DELAY_SAMPLES * dt:
+    if dt and delay > _MAX_DELAY_SAMPLES * dt:
         raise ValueError(
-            f"delay must be in seconds, and at most {MAX_DELAY_SAMPLES} sampling periods of {dt:g} s, got {delay:g} s, "
-            f"which is {delay / dt:.4g} of them; {delay:g} ms is --delay {delay / 1e3:g}"
+            f"delay must be in seconds, and at most {_MAX_DELAY_SAMPLES} sampling periods of {dt:g} s, got "
+            f"{delay:g} s, which is {delay / dt:.4g} of them; {delay:g} ms is --delay {delay / 1e3:g}"
         )
     return delay
 
 
-def load_single_model(path: Path) -> UncertaintyModel:
+def _load_single_model(path: Path) -> UncertaintyModel:
     """Return the model of one input and output in a file, for a command that takes no other."""
     model = load_model(path)
     if has_several_channels(model):
@@ -182,7 +182,7 @@ def load_single_model(path: Path) -> UncertaintyModel:
     return model
 
 
-def demand_weight(
+def _demand_weight(
     model: UncertaintyModel, bandwidth: float | None, peak: float, error: float
 ) -> control.StateSpace | None:
     """Return the performance weight for a bandwidth [Hz], on the time base of a matrix; None without a bandwidth."""
@@ -192,7 +192,7 @@ def demand_weight(
     return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
 
 
-def signals_from_options(
+def _signals_from_options(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
     """Return the signals that the options name: a height, two rms, the end of a band [Hz]; None without one."""
@@ -207,14 +207,14 @@ def signals_from_options(
     return LoopSignals(reference=reference, disturbance=disturbance_noise, noise=measurement_noise)
 
 
-def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
+def _model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
     """Return a model as `robust model` draws it."""
     from robust import plot
 
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_set(one, blas, ax=ax), model)]
 
 
-def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
+def _check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
     """Return a check as `robust check` draws it."""
     from robust import plot
 
@@ -224,7 +224,7 @@ def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: Robus
     return [(plot.plot_loop, report), (plot.plot_check, report)]
 
 
-def write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
+def _write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
     """Write a report, and next to it a verified certificate of what was proved."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)

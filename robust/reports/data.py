@@ -17,7 +17,7 @@ from robust.models.validation import Validation, validate
 from robust.reports import parts
 from robust.reports.parts import Section, describe_roots, describe_system, rows_of_value
 
-NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
+_NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
@@ -46,7 +46,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
         ]
         pictures += [
             parts.draw_picture(
-                plot.plot_input, record, caption=f"Input spectrum{which}: {describe_stray_energy(record)}."
+                plot.plot_input, record, caption=f"Input spectrum{which}: {_describe_stray_energy(record)}."
             ),
             parts.draw_picture(
                 plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."
@@ -66,7 +66,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     )
 
 
-def describe_stray_energy(record: Record) -> str:
+def _describe_stray_energy(record: Record) -> str:
     """Return how much energy stands where none was to be, the largest line of it under the rms of the excited ones."""
     grid = record.lines
     spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
@@ -77,8 +77,8 @@ def describe_stray_energy(record: Record) -> str:
     with np.errstate(divide="ignore"):
         below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[detection]))
     return (
-        f"lines that were not to be excited lie over {NEGLIGIBLE_DECIBELS:g} dB under the excited ones"
-        if below > NEGLIGIBLE_DECIBELS
+        f"lines that were not to be excited lie over {_NEGLIGIBLE_DECIBELS:g} dB under the excited ones"
+        if below > _NEGLIGIBLE_DECIBELS
         else f"of the lines that were not to be excited the largest lies {below:.0f} dB under the excited ones"
     )
 
@@ -178,7 +178,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
             facts.append(
                 (
                     f"lines in the set{which}",
-                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + describe_change(seen),
+                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + _describe_change(seen),
                 )
             )
 
@@ -207,7 +207,7 @@ def roots_of_plant(G: control.StateSpace) -> list[tuple[str, str]]:
     return rows + [("delay", late)] * (delay > 0)
 
 
-def describe_change(seen: Validation) -> str:
+def _describe_change(seen: Validation) -> str:
     """Return what a record says against the one that the model was made of; nothing where it is that one."""
     if seen.p_value == 1 or np.isnan(seen.p_value):
         return ""

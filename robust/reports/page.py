@@ -108,9 +108,9 @@ def write_report(
     path = page_path(path)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, got {describe_no_set(model)}")
-    single, records = model.is_single, as_list(record)
+    single, records = model.is_single, _as_list(record)
     K = (state_space if single else multivariable)("K", K)
-    for one in as_list(bla):
+    for one in _as_list(bla):
         (require_single if single else require_matrix)("bla", one)
     for name, given, kind in (
         ("report", report, RobustnessReport),
@@ -120,9 +120,9 @@ def write_report(
         require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
         raise ValueError("friction must be left out for several channels: it is proved of a single loop")
-    blas = as_list(bla) or [nlfrf.identify(one) for one in records]
+    blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may know more than the model: its file may be older than their warnings
-    known: list[Record | Bla | NominalFit] = [*records, *blas, *as_list(nominal)]
+    known: list[Record | Bla | NominalFit] = [*records, *blas, *_as_list(nominal)]
     model = add_warnings(model, [text for one in known for text in one.warnings])
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
@@ -159,7 +159,7 @@ def write_report(
 Thing = TypeVar("Thing")
 
 
-def as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
+def _as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
     """One thing or many, as a list."""
     if thing is None:
         return []

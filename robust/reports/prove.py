@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 #: Options of `nlfrf.load_record`, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
-MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
-NOMINAL = Path("nominal.json")  # what the commands of the messages write
+_MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
+_NOMINAL = Path("nominal.json")  # what the commands of the messages write
 
 
 @value
@@ -73,9 +73,9 @@ class MachineFiles:
     def prove(self, files: Sequence[Path], *, nominal: Path | None = None) -> str:
         """Return the command line that proves, around a nominal."""
         around = [] if nominal is None else ["--nominal", nominal]
-        return join("robust", "prove", *files, self.controller, *around)
+        return _join("robust", "prove", *files, self.controller, *around)
 
-    def prove_model(self, model: Path = NOMINAL) -> str:
+    def prove_model(self, model: Path = _NOMINAL) -> str:
         """Return the command line that proves with a model, and the stiffness of its friction."""
         return f"{self.prove([model])} --stiffness {self.stiffness or 'NEWTON_PER_METRE'}"
 
@@ -83,11 +83,11 @@ class MachineFiles:
         """Return the command line that identifies the BLA of a record, with the options that it was read with."""
         options = [(f"--{LOAD_OPTIONS[name]}", option) for name, option in self.load.items()]
         words = [word for pair in options for word in pair if word is not True]
-        return join("nlfrf", "identify", record, *words, "-o", bla_of(record))
+        return _join("nlfrf", "identify", record, *words, "-o", _bla_of(record))
 
 
 @value
-class FrictionBasis:
+class _FrictionBasis:
     """What a proof with friction starts from.
 
     Fields
@@ -118,7 +118,7 @@ class FrictionBasis:
 
 
 @keep_warnings
-def read_basis(given: MachineFiles) -> FrictionBasis:
+def read_basis(given: MachineFiles) -> _FrictionBasis:
     """Return machines and friction class of one model and a stiffness, or of BLAs or records at several levels.
 
     Raises
@@ -127,18 +127,18 @@ def read_basis(given: MachineFiles) -> FrictionBasis:
         Files that do not make a machine and its friction; each message ends with the command that goes on.
     """
     for path in given.files:
-        require_file_of(path, *MACHINE_FILES)
+        require_file_of(path, *_MACHINE_FILES)
     models = [path for path in given.files if path.suffix.lower() == ".json"]
     measured = [path for path in given.files if path not in models]
     if len(models) == 1 and measured and given.nominal is None:
         raise ValueError(
             "machine must be one model or BLAs at three levels, got both; "
-            + go_on(given.prove(measured, nominal=models[0]))
+            + _go_on(given.prove(measured, nominal=models[0]))
         )
     if models:
-        return basis_of_model(models, given)
-    records, blas = load_levels(measured, given)
-    found = class_of_records(records, given) if records else class_of_blas(blas, given)
+        return _basis_of_model(models, given)
+    records, blas = _load_levels(measured, given)
+    found = _class_of_records(records, given) if records else _class_of_blas(blas, given)
     friction = found.friction
     if given.stiffness is not None:
         if not isinstance(friction, AnyFriction):
@@ -146,32 +146,32 @@ def read_basis(given: MachineFiles) -> FrictionBasis:
                 f"stiffness must be left out with two masses, which have one each, got {given.stiffness:g}"
             )
         friction = any_maxwell_slip(given.stiffness, friction.stiction, position_unit=friction.position_unit)
-    sources = [describe_source(path, "record" if records else "BLA", given.load) for path in measured]
-    return FrictionBasis(
+    sources = [_describe_source(path, "record" if records else "BLA", given.load) for path in measured]
+    return _FrictionBasis(
         machines=found.machines,
         friction=friction,
         description=str(found),
-        sources=(*sources, *([] if given.nominal is None else [describe_source(given.nominal, "model")])),
+        sources=(*sources, *([] if given.nominal is None else [_describe_source(given.nominal, "model")])),
         levels=found if given.nominal is None else None,
     )
 
 
-def load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
+def _load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
     """Return the records or the BLAs in files; refuse both together with the commands that make them alike."""
-    levels = {path: load_level(path, given.load) for path in paths}
+    levels = {path: _load_level(path, given.load) for path in paths}
     records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
     blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
     if records and blas:
-        proved = given.prove([bla_of(path) if path in records else path for path in levels])
+        proved = given.prove([_bla_of(path) if path in records else path for path in levels])
         raise ValueError(
             f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
             f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
-            + go_on(*map(given.identify, records), proved)
+            + _go_on(*map(given.identify, records), proved)
         )
     return records, blas
 
 
-def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
+def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
     is_bla = schema and "record" not in schema
@@ -179,116 +179,116 @@ def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     return repeat_warnings(level) if schema else level
 
 
-def class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> FrictionClass:
+def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> FrictionClass:
     """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
     identified = [given.identify(path) for path in records]
-    fit = fit_command(bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
+    fit = _fit_command(_bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
     if len(records) < 3:
         raise ValueError(
             "machine must be records at three levels, from sticking to sliding, got "
-            f"{format_count(len(records), 'record')}; " + go_on(*identified, fit, given.prove_model())
+            f"{format_count(len(records), 'record')}; " + _go_on(*identified, fit, given.prove_model())
         )
-    around = given.prove([bla_of(path) for path in records], nominal=given.nominal or NOMINAL)
+    around = given.prove([_bla_of(path) for path in records], nominal=given.nominal or _NOMINAL)
     if given.nominal is not None:
         raise ValueError(
             "nominal must be left out with records, which are read as one mass with their delay, got one; "
-            + go_on(*identified, around)
+            + _go_on(*identified, around)
         )
-    with add_next_command(
-        "for a machine that is flexible, --masses 2, or around a nominal " + go_on(*identified, fit, around)
+    with _add_next_command(
+        "for a machine that is flexible, --masses 2, or around a nominal " + _go_on(*identified, fit, around)
     ):
         return friction_class(list(records.values()), stiction=given.stiction, free=given.free, masses=given.masses)
 
 
-def class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> FrictionClass:
+def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> FrictionClass:
     """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
     files, measured = list(blas), list(blas.values())
     options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
     if wrong := options + ["--free"] * given.free + ["--masses"] * (given.masses != 1):
         again = given.prove(files, nominal=given.nominal)
         again += "" if given.stiffness is None else f" --stiffness {given.stiffness}"
-        raise ValueError(f"machine must be records for {' and '.join(wrong)}, got BLAs; {go_on(again)}")
+        raise ValueError(f"machine must be records for {' and '.join(wrong)}, got BLAs; {_go_on(again)}")
     if len(files) < 3:
         raise ValueError(
             "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
             f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
-            + go_on(fit_command(files[-1]), given.prove_model())
+            + _go_on(_fit_command(files[-1]), given.prove_model())
         )
     highest = files[highest_level(measured)]
     if given.nominal is None:
-        fitted = go_on(fit_command(highest), given.prove(files, nominal=NOMINAL))
-        with add_next_command(f"for a machine that is flexible or well damped {fitted}"):
+        fitted = _go_on(_fit_command(highest), given.prove(files, nominal=_NOMINAL))
+        with _add_next_command(f"for a machine that is flexible or well damped {fitted}"):
             return friction_class(measured, stiction=given.stiction)
-    around = load_machine(given.nominal, highest, given.prove(files, nominal=NOMINAL)).nominal
-    with add_next_command(go_on(given.prove_model(given.nominal))):
+    around = _load_machine(given.nominal, highest, given.prove(files, nominal=_NOMINAL)).nominal
+    with _add_next_command(_go_on(given.prove_model(given.nominal))):
         return friction_class(measured, nominal=around, stiction=given.stiction)
 
 
-def describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
+def _describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
     """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
     options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
 
 
-def basis_of_model(models: Sequence[Path], given: MachineFiles) -> FrictionBasis:
+def _basis_of_model(models: Sequence[Path], given: MachineFiles) -> _FrictionBasis:
     """One model, and the stiffness of its friction, which no model shows."""
     model = models[0]
     if len(models) > 1:
-        raise ValueError(f"machine must be one model, got {len(models)}; {go_on(given.prove_model(model))}")
+        raise ValueError(f"machine must be one model, got {len(models)}; {_go_on(given.prove_model(model))}")
     if given.stiffness is None:
         levels = given.prove([Path(f"{level}.npz") for level in ("LOW", "MID", "HIGH")], nominal=model)
         raise ValueError(
-            f"stiffness must be given with a model [N/m], got none for {model}; {go_on(given.prove_model(model))}, or "
+            f"stiffness must be given with a model [N/m], got none for {model}; {_go_on(given.prove_model(model))}, or "
             f"read it from BLAs at three levels: {levels}"
         )
-    known = load_machine(model, Path("BLA.npz"), given.prove_model())
+    known = _load_machine(model, Path("BLA.npz"), given.prove_model())
     machines, description = machines_of_nominal(known.nominal)
     position_unit = position_unit_of(known.origin.unit)
-    return FrictionBasis(
+    return _FrictionBasis(
         machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
         friction=any_maxwell_slip(given.stiffness, given.stiction, position_unit=position_unit),
         description=description,
-        sources=(describe_source(model, "model"),),
+        sources=(_describe_source(model, "model"),),
     )
 
 
-def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
+def _load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
     """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
     model = repeat_warnings(load_model(path))
     if getattr(model, "measured_only", True):
         raise ValueError(
             f"machine must have a parametric nominal of one input and output, got {path} without; "
-            f"{go_on(fit_command(bla), command)}"
+            f"{_go_on(_fit_command(bla), command)}"
         )
     require_si("machine", model.origin.unit)
-    with add_next_command(go_on(fit_command(bla, max(2, model.nominal.nstates)), command)):
+    with _add_next_command(_go_on(_fit_command(bla, max(2, model.nominal.nstates)), command)):
         machines_of_nominal(model.nominal)
     return model
 
 
-def fit_command(bla: Path, poles: int = 4) -> str:
+def _fit_command(bla: Path, poles: int = 4) -> str:
     """Return the command line that fits a nominal to a BLA, with two zeros less than poles."""
-    return join("robust", "model", bla, "--poles", poles, "--zeros", poles - 2, "-o", NOMINAL)
+    return _join("robust", "model", bla, "--poles", poles, "--zeros", poles - 2, "-o", _NOMINAL)
 
 
-def bla_of(record: Path) -> Path:
+def _bla_of(record: Path) -> Path:
     """Return the file that a hint gives the BLA of a record."""
     return Path(f"{record.name.partition('.')[0]}-bla.npz")
 
 
-def join(*words: object) -> str:
+def _join(*words: object) -> str:
     """Return a command line of these words, quoted as a shell takes them."""
     return shlex.join(map(str, words))
 
 
-def go_on(*commands: str) -> str:
+def _go_on(*commands: str) -> str:
     """Return the end of a refusal: what to run next."""
     return "go on with: " + "; ".join(commands)
 
 
 @contextmanager
-def add_next_command(how: str) -> Iterator[None]:
+def _add_next_command(how: str) -> Iterator[None]:
     """Add to a refusal the command that goes on."""
     try:
         yield
@@ -296,7 +296,7 @@ def add_next_command(how: str) -> Iterator[None]:
         raise ValueError(f"{error}; {how}") from None
 
 
-def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: FrictionBasis) -> None:
+def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: _FrictionBasis) -> None:
     """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
     proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
     for number, proof in enumerate(proved):

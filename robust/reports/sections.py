@@ -27,8 +27,8 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts
 from robust.reports.parts import Section, describe_demand, describe_roots, describe_system, rows_of_value
 
-PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")
-N_PLANTS = 25  # of the set, drawn around the worst case
+_PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")
+_N_PLANTS = 25  # of the set, drawn around the worst case
 
 
 def verdict_section(report: RobustnessReport) -> Section:
@@ -39,7 +39,7 @@ def verdict_section(report: RobustnessReport) -> Section:
         lead="What may be said of this controller on this machine, and what may not.",
         facts=(
             ("because", report.reason),
-            ("margins", describe_margins(report)),
+            ("margins", _describe_margins(report)),
             ("proved", report.proved),
             ("not proved", report.not_proved),
             *([] if report.level is None else [("level of the loop", str(report.level))]),
@@ -48,7 +48,7 @@ def verdict_section(report: RobustnessReport) -> Section:
     )
 
 
-def describe_margins(report: RobustnessReport) -> str:
+def _describe_margins(report: RobustnessReport) -> str:
     """Return how far the loop is from trouble, in one line; nothing where it is in trouble."""
     parts = []
     if report.nominally_stable and np.isfinite(report.margins.rs):
@@ -158,7 +158,7 @@ def worst_case_section(
         ),
         ("its poles", describe_roots(poles(worst.plant), timebase(worst.plant))),
     ]
-    family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
+    family = sample_loops(model, K, _N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
     nominal = step_of_plant(model.nominal, K, delay=delay)
     worst_step = step_of_plant(worst.plant, K, delay=delay) if worst.stable else None
@@ -194,7 +194,7 @@ def settings_section(
         ("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),
         ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.origin.delay:.4g} ms inside the nominal plant"),
         ("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),
-        ("versions", ", ".join(f"{name} {installed_version(name)}" for name in PACKAGES)),
+        ("versions", ", ".join(f"{name} {_installed_version(name)}" for name in _PACKAGES)),
         ("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),
     ]
     return Section(
@@ -202,7 +202,7 @@ def settings_section(
     )
 
 
-def installed_version(package: str) -> str:
+def _installed_version(package: str) -> str:
     """Return its version, or that it is not installed: an extra brings some of them."""
     if package == "nlfrf":
         return nlfrf.__version__

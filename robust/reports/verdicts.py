@@ -17,7 +17,7 @@ from robust.lti.realisation import multivariable
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
 
-MEANING_OF_PROOF = {
+_MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
     FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",
     FrictionVerdict.REFUTED: (
@@ -27,7 +27,7 @@ MEANING_OF_PROOF = {
 }
 
 
-def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
+def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
     """Return rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
     friction, settles = proof.friction.description, proof.verdict is FrictionVerdict.SETTLES
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
@@ -37,7 +37,7 @@ def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.headline, proof.verdict),
-        ("it means", report.meaning, MEANING_OF_PROOF[proof.verdict]),
+        ("it means", report.meaning, _MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
@@ -52,7 +52,7 @@ def describe_proof(proof: FrictionProof) -> str:
     size = f"{proof.kick_sure:.3g} {proof.units.velocity}"
     kick = f"; with any friction of the given force it surely runs away from a kick of {size}"
     away = kick if np.isfinite(proof.kick_sure) else ""
-    return f"Beside it, for a class of friction: {proof.verdict} ({MEANING_OF_PROOF[proof.verdict]}){away}."
+    return f"Beside it, for a class of friction: {proof.verdict} ({_MEANING_OF_PROOF[proof.verdict]}){away}."
 
 
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
@@ -62,15 +62,15 @@ def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
         title="Two verdicts",
         lead="They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
         "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
-        table=verdict_rows(report, proof),
+        table=_verdict_rows(report, proof),
     )
 
 
 # ---- Whether a report is of the set and the controller that it is to be told of: nobody is told of two loops at once.
 
 #: Curves of the loop that are compared: of several channels there are those of the verdict alone.
-COMPARED = ("omega", "G", "K", "radius", "rs")
-WRONG_REPORT = "report must be what check gave of this model and this K, got one of another loop"
+_COMPARED = ("omega", "G", "K", "radius", "rs")
+_WRONG_REPORT = "report must be what check gave of this model and this K, got one of another loop"
 
 
 def require_report_of(
@@ -79,30 +79,30 @@ def require_report_of(
     """Refuse a report of something else than what is to be reported: the loop is checked again without proofs."""
     if delay not in (0.0, report.given.delay):
         raise ValueError(f"delay must be that of the report, {report.given.delay:g} s, got {delay:g} s")
-    if w_P is not None and not has_demand(report, w_P):
+    if w_P is not None and not _has_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
     if report.is_single != model.is_single:
-        raise ValueError(WRONG_REPORT)
+        raise ValueError(_WRONG_REPORT)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the report has them
             now = check(model, K, w_P=report.given.demand, delay=report.given.delay, certify=False)
     except ValueError:
-        raise ValueError(WRONG_REPORT) from None
-    pairs = [(getattr(one.curves, name) for one in (now, report)) for name in COMPARED]
-    if now.form != report.form or not all(is_equal(*pair) for pair in pairs):
-        raise ValueError(WRONG_REPORT)
+        raise ValueError(_WRONG_REPORT) from None
+    pairs = [(getattr(one.curves, name) for one in (now, report)) for name in _COMPARED]
+    if now.form != report.form or not all(_is_equal(*pair) for pair in pairs):
+        raise ValueError(_WRONG_REPORT)
 
 
-def has_demand(report: RobustnessReport, w_P: Weight) -> bool:
+def _has_demand(report: RobustnessReport, w_P: Weight) -> bool:
     """Return whether a performance weight is the one that a report was made with."""
     if report.given.demand is None:
         return False
     weights = (multivariable("w_P", weight) for weight in (w_P, report.given.demand))
-    return is_equal(*(response_by_channel(weight, report.curves.omega) for weight in weights))
+    return _is_equal(*(response_by_channel(weight, report.curves.omega) for weight in weights))
 
 
-def is_equal(one: np.ndarray | None, other: np.ndarray | None) -> bool:
+def _is_equal(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     """Return whether two curves are equal up to rounding."""
     if one is None or other is None:
         return one is other

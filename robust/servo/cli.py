@@ -79,9 +79,9 @@ def check_gains(
     axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity loop, as
     that is approximated. Exit code 2: bad input.
     """
-    traces, gains = split_gains(file)
+    traces, gains = _split_gains(file)
     settings, say = gains_file.load_gains(gains), printer(json)
-    experiments = load_experiments(design or [])
+    experiments = _load_experiments(design or [])
     if experiments:
         require_left_out({"reference": reference, "period": period, "discard": discard, "resample": resample})
         records, names, conditions = read.read_experiments(
@@ -110,7 +110,7 @@ def check_gains(
             records, names, conditions = read.read_traces(traces, settings, actual=actual, load=load)
         except ValueError:
             if input is None and not design:
-                require_design(traces)
+                _require_design(traces)
             raise
     with progress_display("checking", even=False) as advance:
         found = judge.check(
@@ -137,7 +137,7 @@ def check_gains(
     finish_command(found.to_values() if json else found, found.safe, json, code=3 if passed else 1)
 
 
-def split_gains(files: list[Path]) -> tuple[list[Path], Path]:
+def _split_gains(files: list[Path]) -> tuple[list[Path], Path]:
     """Return the traces among files, and the one that has the gains."""
     gains = [path for path in files if path.suffix.lower() == ".toml"]
     traces = [path for path in files if path not in gains]
@@ -146,7 +146,7 @@ def split_gains(files: list[Path]) -> tuple[list[Path], Path]:
     return traces, gains[0]
 
 
-def load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
+def _load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
     """Return the experiments on a drive that were played; none where it was one multisine."""
     played = [nlfrf.load(one) for one in designs]
     experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
@@ -157,7 +157,7 @@ def load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
     return experiments
 
 
-def require_design(traces: list[Path]) -> None:
+def _require_design(traces: list[Path]) -> None:
     """Refuse the trace of a servo axis without its design, which has the names of the signals and the periods."""
     from nlfrf.io.channels import read_channels
 

@@ -21,7 +21,7 @@ from robust.servo.checking.friction import force_over_position
 from robust.servo.checking.simulation import SHOWN
 
 #: Colours of the page for a verdict; one that was not judged has those of a warning.
-STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
+_STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
 
 
 def write_page(
@@ -89,13 +89,13 @@ def write_page(
         if one.motion is not BaseMotion.MOVING
     }
     lines = found.findings[0], *(f"{name}: {answer}" for name, answer in found.answers.items()), *found.findings[1:]
-    banner = Banner(style=STYLES[found.verdict], heading=found.verdict.capitalize(), lines=lines)
+    banner = Banner(style=_STYLES[found.verdict], heading=found.verdict.capitalize(), lines=lines)
     sections = [
-        traces_section(found, records, names),
-        friction_section(found, at_rest),
-        rest_section(found),
-        loop_section(found),
-        *([] if found.step is None else [step_section(found)]),
+        _traces_section(found, records, names),
+        _friction_section(found, at_rest),
+        _rest_section(found),
+        _loop_section(found),
+        *([] if found.step is None else [_step_section(found)]),
         Section(name="words", title="Words", lead="What the words of this page mean.", printed=LEGEND),
     ]
     warned = tuple(doubt.description for doubt in found.doubts)
@@ -103,7 +103,7 @@ def write_page(
     write_text(path, render_page(title=title, notes="", **page))
 
 
-def traces_section(found: DriveCheck, records: Sequence[Record], names: Sequence[str]) -> Section:
+def _traces_section(found: DriveCheck, records: Sequence[Record], names: Sequence[str]) -> Section:
     """Return drive and traces, and the FRF of each with its bound."""
     from nlfrf import plot
 
@@ -131,7 +131,7 @@ def traces_section(found: DriveCheck, records: Sequence[Record], names: Sequence
     )
 
 
-def friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
+def _friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
     """Return what was read of the friction, with the force over the position where machine and friction are known."""
     from robust import plot
 
@@ -155,11 +155,11 @@ def friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
     )
 
 
-def rest_section(found: DriveCheck) -> Section:
+def _rest_section(found: DriveCheck) -> Section:
     """Return where the axis rests, or within which distance it moves, as it is and with each change that helps."""
     from robust import plot
 
-    cases, unit = rest_cases(found), found.settings.base_unit
+    cases, unit = _rest_cases(found), found.settings.base_unit
     caption = "Largest distance from the set point in the end, with the friction that is assumed or with a change."
     return Section(
         name="rest",
@@ -172,7 +172,7 @@ def rest_section(found: DriveCheck) -> Section:
     )
 
 
-def rest_cases(found: DriveCheck) -> list[RestCase]:
+def _rest_cases(found: DriveCheck) -> list[RestCase]:
     """Return what is known of the rest: with the class that was read, with any friction of a force, with each change.
 
     Each has a verdict and the largest distance from the set point, not finite where none is known.
@@ -192,7 +192,7 @@ def rest_cases(found: DriveCheck) -> list[RestCase]:
     return cases + [RestCase(cure.change, cure.verdict, cure.error) for cure in friction.cures]
 
 
-def loop_section(found: DriveCheck) -> Section:
+def _loop_section(found: DriveCheck) -> Section:
     """Return the linear loop with its set: margins, Nyquist, stability."""
     from robust import plot
 
@@ -213,7 +213,7 @@ def loop_section(found: DriveCheck) -> Section:
     )
 
 
-def step_section(found: DriveCheck) -> Section:
+def _step_section(found: DriveCheck) -> Section:
     """Return the step of the position set point."""
     from robust import plot
 

@@ -49,10 +49,10 @@ Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarra
 BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
-RANGE_RATIO = 1000.0
+_RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
-MAX_SAMPLED_RATE = 5.0
-TWO_PI = 2 * np.pi
+_MAX_SAMPLED_RATE = 5.0
+_TWO_PI = 2 * np.pi
 
 
 @value
@@ -164,8 +164,8 @@ class TunableBlock(ABC):
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
         """One free number with its bounds, or a refusal of a start outside them."""
         sign = 0 if self.matrix_block else int(np.sign(start))
-        reach = RANGE_RATIO * (abs(start) or 1.0)
-        low, high = (start / RANGE_RATIO, start * RANGE_RATIO) if sign else (-reach, reach)
+        reach = _RANGE_RATIO * (abs(start) or 1.0)
+        low, high = (start / _RANGE_RATIO, start * _RANGE_RATIO) if sign else (-reach, reach)
         low, high = min(low, high), max(low, high)
         least, most = self.natural_bounds(name, dt)
         low, high = max(low, least), min(high, most)
@@ -185,9 +185,9 @@ class TunableBlock(ABC):
         """Return bounds that follow from what the parameter is."""
         low, high = self.LIMITS.get(name, (-np.inf, np.inf))
         if dt and name.endswith("omega"):
-            return low, 2 / dt * np.arctan(MAX_SAMPLED_RATE)
+            return low, 2 / dt * np.arctan(_MAX_SAMPLED_RATE)
         if dt and name == "filter_time":
-            return max(low, dt / 2 / MAX_SAMPLED_RATE), high
+            return max(low, dt / 2 / _MAX_SAMPLED_RATE), high
         return low, high
 
     @abstractmethod
@@ -215,7 +215,7 @@ class TunableBlock(ABC):
         if omega * dt >= np.pi:
             raise ValueError(
                 f"omega must lie below half the sampling frequency, {np.pi / dt:.6g} rad/s ({0.5 / dt:.6g} Hz), got "
-                f"{omega:.6g} rad/s ({omega / TWO_PI:.6g} Hz)"
+                f"{omega:.6g} rad/s ({omega / _TWO_PI:.6g} Hz)"
             )
 
     @property
@@ -305,7 +305,7 @@ class Gain(TunableBlock):
                 f"K must be {len(self.drives)} by {len(self.reads)}, one row a signal it drives, got "
                 f"{K.shape[0]} by {K.shape[1]}"
             )
-        object.__setattr__(self, "K", read_only(K))
+        object.__setattr__(self, "K", _read_only(K))
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return no states."""
@@ -431,7 +431,7 @@ class Filter(TunableBlock):
         return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
 
     def __str__(self) -> str:
-        return f"{type(self).__name__.lower()} at {self.omega / TWO_PI:g} Hz"
+        return f"{type(self).__name__.lower()} at {self.omega / _TWO_PI:g} Hz"
 
 
 @value
@@ -777,7 +777,7 @@ class StateSpace(TunableBlock):
                 raise ValueError(
                     f"{name} must be {start.shape[0]} by {start.shape[1]}, got {given.shape[0]} by {given.shape[1]}"
                 )
-            object.__setattr__(self, name, read_only(given.copy()))
+            object.__setattr__(self, name, _read_only(given.copy()))
         object.__setattr__(self, "n_states", n)
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
@@ -785,7 +785,7 @@ class StateSpace(TunableBlock):
         return tuple(np.asarray(numbers[name]) for name in "ABCD")  # type: ignore[return-value]
 
 
-def read_only(array: np.ndarray) -> np.ndarray:
+def _read_only(array: np.ndarray) -> np.ndarray:
     """Return the array, read-only."""
     array.setflags(write=False)
     return array

@@ -26,8 +26,8 @@ from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM
 from robust.models.sets.measured import FrfSource
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
-LEAST_RADIUS = 1e-9  # of the set that a plant alone stands for
-MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
+_LEAST_RADIUS = 1e-9  # of the set that a plant alone stands for
+_MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
 
 
 @value
@@ -127,7 +127,7 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    given, model = model, plant_as_set(model)
+    given, model = model, _plant_as_set(model)
     alone = model is not given  # no set was given
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
@@ -141,7 +141,7 @@ def reduce_controller(
             "to reduce it all the same."
         )
     by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
-    for method, n, small in candidates(K, model, w_P=w_P, delay=delay):
+    for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
     n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
@@ -150,23 +150,23 @@ def reduce_controller(
             reason = f"{n_tried} candidates were looked at below order {n}"
             break
         n_tried += len(by_order[n])
-        for method, small in rank_candidates(
+        for method, small in _rank_candidates(
             by_order[n], model, w_P=w_P, delay=delay, whole=K, before=before, every=order is not None
         ):
             report = check(model, small, w_P=w_P, delay=delay)
-            kept, lost = compare_reports(report, before, change_of_T(model, K, small=small, before=before))
+            kept, lost = _compare_reports(report, before, _change_of_T(model, K, small=small, before=before))
             if kept or order is not None:
                 return Reduction(
                     K=with_names(small, K.input_labels, K.output_labels),
                     order=n,
                     method=method,
                     kept=kept,
-                    report=without_set(report) if alone else report,
-                    before=without_set(before) if alone else before,
+                    report=_without_set(report) if alone else report,
+                    before=_without_set(before) if alone else before,
                     reason=lost,
                     n_tried=n_tried,
                 )
-    before = without_set(before) if alone else before
+    before = _without_set(before) if alone else before
     return Reduction(
         K=K,
         order=K.nstates,
@@ -179,14 +179,14 @@ def reduce_controller(
     )
 
 
-def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
+def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     """Return a plant as the set of those within a billionth of it, anything else as it is."""
     if is_known_on_lines(model) or isinstance(model, UncertaintyModel):
         return model
     G = multivariable("model", model)
-    omega, one, small = np.ones(1), *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, LEAST_RADIUS))
+    omega, one, small = np.ones(1), *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, _LEAST_RADIUS))
     if G.ninputs == G.noutputs == 1:
-        radius = np.full(1, 0.9 * LEAST_RADIUS)
+        radius = np.full(1, 0.9 * _LEAST_RADIUS)
         return UncertaintyModel(G, small, DEFAULT_FORM, omega, radius, perturbation="LTI")
     if G.ninputs == G.noutputs:
         left, right = (one,) * G.ninputs, (small,) * G.ninputs
@@ -197,7 +197,7 @@ def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     return UncertaintyModel(G, form=ADDITIVE, left=left, right=right, omega=omega, perturbation="LTI")
 
 
-def without_set(report: RobustnessReport) -> RobustnessReport:
+def _without_set(report: RobustnessReport) -> RobustnessReport:
     """Return the report on a plant that stands for a set, in words of the plant."""
     stable = report.proofs.robustly_stable
     what = "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
@@ -212,7 +212,7 @@ def without_set(report: RobustnessReport) -> RobustnessReport:
     )
 
 
-def candidates(
+def _candidates(
     K: control.StateSpace, model: FrfSource, *, w_P: Weight | None, delay: float
 ) -> Iterator[tuple[str, int, control.StateSpace]]:
     """(method, order, controller) by every way that works on this controller."""
@@ -243,7 +243,7 @@ def candidates(
             continue
 
 
-def rank_candidates(
+def _rank_candidates(
     small: list[tuple[str, control.StateSpace]],
     model: FrfSource,
     *,
@@ -260,26 +260,26 @@ def rank_candidates(
             report = check(model, K, w_P=w_P, delay=delay, certify=False)
         except ValueError:  # a loop without a solution
             continue
-        change = change_of_T(model, whole, small=K, before=before)
-        performs = report.margins.rp >= 1 if before.proofs.robust_performance else change <= MAX_CHANGE_OF_T
+        change = _change_of_T(model, whole, small=K, before=before)
+        performs = report.margins.rp >= 1 if before.proofs.robust_performance else change <= _MAX_CHANGE_OF_T
         if (report.margins.rs > 1 and performs) or every:
             size = report.margins.rp if before.proofs.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
 
-def compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
+def _compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
     """Return whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.proofs.robust_performance and not report.proofs.robust_performance:
         return False, "robust performance is not proved any more"
-    if not before.proofs.robust_performance and not change <= MAX_CHANGE_OF_T:
+    if not before.proofs.robust_performance and not change <= _MAX_CHANGE_OF_T:
         return False, f"the closed loop moved by {change:.3g}"
     return True, ""
 
 
-def change_of_T(
+def _change_of_T(
     model: FrfSource, K: control.StateSpace, *, small: control.StateSpace, before: RobustnessReport
 ) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""

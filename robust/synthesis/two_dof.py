@@ -33,12 +33,12 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels, req
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 
-REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
-ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there
+_REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
+_ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there
 
 
 @value
-class ReferenceFilter:
+class _ReferenceFilter:
     """A prefilter or a feedforward, and how well the loop follows its reference model with it.
 
     Fields
@@ -96,7 +96,7 @@ def prefilter(
     *,
     effort: float = 0.01,
     delay: float = 0.0,
-) -> ReferenceFilter:
+) -> _ReferenceFilter:
     """Find the prefilter that brings a loop nearest to a reference model, and what the whole set makes of the result.
 
     Parameters
@@ -138,15 +138,15 @@ def prefilter(
     """
     effort = require_positive("effort", effort)
     if has_several_channels(model):
-        return prefilter_matrix(model, K, reference=reference, effort=effort, delay=delay)
-    loop = reference_loop(model, K, delay)
-    T_ref = on_time_base(reference, loop.dt)
+        return _prefilter_matrix(model, K, reference=reference, effort=effort, delay=delay)
+    loop = _reference_loop(model, K, delay)
+    T_ref = _on_time_base(reference, loop.dt)
     T = loop.closed_loop(("y",), ("r",))
-    found = synthesise_matching(T_ref, T, effort=effort)
+    found = _synthesise_matching(T_ref, T, effort=effort)
     omega = loop.grid(model.omega)
-    F = exact_at_zero(fewest_states(found.K, T, omega=omega, dt=loop.dt), T, T_ref)
-    error, worst = tracking_errors(loop, response(F, omega), wanted=response(T_ref, omega), omega=omega)
-    return ReferenceFilter(
+    F = _exact_at_zero(_fewest_states(found.K, T, omega=omega, dt=loop.dt), T, T_ref)
+    error, worst = _tracking_errors(loop, response(F, omega), wanted=response(T_ref, omega), omega=omega)
+    return _ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_min,
@@ -157,27 +157,27 @@ def prefilter(
     )
 
 
-def prefilter_matrix(
+def _prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
-) -> ReferenceFilter:
+) -> _ReferenceFilter:
     """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
 
-    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see `error_loop`.
+    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see `_error_loop`.
     """
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)
     n, dt = model.n_outputs, timebase(model.nominal)
-    T_ref = on_time_base(reference, dt, n)
+    T_ref = _on_time_base(reference, dt, n)
     if T_ref.noutputs != n:
         raise ValueError(f"reference must have {n} outputs, as the plant has, got {T_ref.noutputs}")
     S = system.N[-n:, -n:]
     T = control.StateSpace(S.A, S.B, -S.C, np.eye(n) - S.D, dt)
-    found = synthesise_matching(T_ref, T, effort=effort)
-    F = exact_at_zero(fewest_states(found.K, T, omega=structure_grid(T)[1:], dt=dt), T, T_ref)
-    with_F = error_loop(system.N, F, T_ref)
+    found = _synthesise_matching(T_ref, T, effort=effort)
+    F = _exact_at_zero(_fewest_states(found.K, T, omega=structure_grid(T)[1:], dt=dt), T, T_ref)
+    with_F = _error_loop(system.N, F, T_ref)
     worst = set_gain(with_F, system.structure)
     error = response_by_channel(with_F[-n:, -n:], worst.omega)
-    return ReferenceFilter(
+    return _ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_min,
@@ -189,7 +189,7 @@ def prefilter_matrix(
     )
 
 
-def error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
+def _error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
     """Return [N11 N12 F; N21 E] of a loop N = [N11 N12; N21 S] with a prefilter, E = S F + T_ref - F."""
     n, n_d = T_ref.noutputs, N.ninputs - F.noutputs
     passed = control.StateSpace([], [], [], np.eye(n_d), N.dt)
@@ -199,17 +199,17 @@ def error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.Stat
     return in_parallel(in_series(block_diagonal([passed, F], N.dt), N), rest)
 
 
-def synthesise_matching(
+def _synthesise_matching(
     T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, name: str = "prefilter"
 ) -> Synthesis:
     """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refused where there is none."""
-    found = hinfsyn(matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
+    found = hinfsyn(_matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
         raise ValueError(f"reference must be one that a {name} can be found for: {found.reason}")
     return found
 
 
-def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
+def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
     """Return the loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
@@ -220,13 +220,15 @@ def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop
     return loop
 
 
-def on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
+def _on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
     """Return the reference model of n channels, stable, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt=dt, n=n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
 
-def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, dt: float) -> control.StateSpace:
+def _matching_plant(
+    T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, dt: float
+) -> control.StateSpace:
     """From (r, u) to (T_ref r - T u, effort u; r)."""
     n_r, n_u, n_y = T_ref.ninputs, T.ninputs, T.noutputs
     A = block_diag(T_ref.A, T.A)
@@ -242,32 +244,32 @@ def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, *, effort: 
     return control.StateSpace(A, B, C.reshape(n_y + n_u + n_r, -1), D, dt)
 
 
-def fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float) -> control.StateSpace:
+def _fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float) -> control.StateSpace:
     """F without the states that T F hardly shows."""
     T_response, whole = (response_by_channel(each, omega) for each in (T, F))
     for _, _, small in balanced_candidates(continuous_image(F)):
         less = control.StateSpace(*(to_discrete(*small) if dt else small), dt)
         change = np.einsum("ijw,jkw->ikw", T_response, response_by_channel(less, omega) - whole)
-        if np.linalg.norm(change, 2, axis=(0, 1)).max() < REDUCTION_TOLERANCE:
+        if np.linalg.norm(change, 2, axis=(0, 1)).max() < _REDUCTION_TOLERANCE:
             return less
     return F
 
 
-def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
+def _exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
     """Return X F with T X F = T_ref at zero frequency, so that what stands still is followed exactly.
 
     X is used where it is nearer to one than to zero: elsewhere T or T_ref has no gain there, and F is left as it is.
     """
     at_zero, f, wanted = (response_by_channel(each, np.zeros(1))[:, :, 0].real for each in (T, F, T_ref))
-    if np.linalg.cond(at_zero) > 1 / ROUNDING:
+    if np.linalg.cond(at_zero) > 1 / _ROUNDING:
         return F
-    X = np.linalg.solve(at_zero, wanted @ np.linalg.pinv(at_zero @ f, rcond=ROUNDING) @ at_zero)
+    X = np.linalg.solve(at_zero, wanted @ np.linalg.pinv(at_zero @ f, rcond=_ROUNDING) @ at_zero)
     if not np.linalg.norm(X - np.eye(T.ninputs), 2) < 1:
         return F
     return control.StateSpace(F.A, F.B, X @ F.C, X @ F.D, T.dt)
 
 
-def tracking_errors(
+def _tracking_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
@@ -293,7 +295,7 @@ def tracking_errors(
 
 def feedforward_filter(
     model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
-) -> ReferenceFilter:
+) -> _ReferenceFilter:
     """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
 
     Parameters
@@ -331,20 +333,20 @@ def feedforward_filter(
     >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
     (1.0, True)
     """
-    effort, loop = require_positive("effort", effort), reference_loop(model, K, delay)
+    effort, loop = require_positive("effort", effort), _reference_loop(model, K, delay)
     if not is_stable(loop.G):
         raise ValueError(
             f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "
             "a loop around it first (cascade), or take prefilter, which feeds the closed loop; for a free mass "
             "robust.servo.feedforward"
         )
-    T_ref = on_time_base(reference, loop.dt)
-    found = synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")
+    T_ref = _on_time_base(reference, loop.dt)
+    found = _synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")
     omega = loop.grid(model.omega)
-    F = fewest_states(found.K, loop.G, omega=omega, dt=loop.dt)
+    F = _fewest_states(found.K, loop.G, omega=omega, dt=loop.dt)
     wanted = response(T_ref, omega)
-    error, worst = feedforward_errors(loop, response(F, omega), wanted=wanted, omega=omega)
-    return ReferenceFilter(
+    error, worst = _feedforward_errors(loop, response(F, omega), wanted=wanted, omega=omega)
+    return _ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_min,
@@ -352,11 +354,11 @@ def feedforward_filter(
         omega=omega,
         error=error,
         error_worst=worst,
-        error_without=feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1],
+        error_without=_feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1],
     )
 
 
-def feedforward_errors(
+def _feedforward_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.

@@ -14,14 +14,14 @@ from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which channels of one name differ
 #: A rate in samples a second, as "kS/s", "Sa/s", "MSPS", "samples per second".
-RATE_UNIT = re.compile(r"([kMGm]?)\s*(?:s(?:a|amples?)?(?:/| per )s(?:ec|econd)?|sps)", re.I)
-TIME_WORDS = (
+_RATE_UNIT = re.compile(r"([kMGm]?)\s*(?:s(?:a|amples?)?(?:/| per )s(?:ec|econd)?|sps)", re.I)
+_TIME_WORDS = (
     r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date[ _]?time|date|datum|"
     r"x[._ ]data|x[._ -]?axis|x_value"
 )
 #: A time channel, with its unit behind an underscore where it is written so: "t", "time_ms", "Elapsed time".
-TIME_NAME = re.compile(
-    rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{TIME_WORDS})(?:[ _]([a-zµμ]+))?", re.I
+_TIME_NAME = re.compile(
+    rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{_TIME_WORDS})(?:[ _]([a-zµμ]+))?", re.I
 )
 #: What a sampling frequency, and what a sampling time is called: as a variable, and in a preamble.
 RATE_WORDS = r"sampl(?:e[drs]?|ing)?[ _]?(?:rate|freq\w*)|abtastrate|fs|f[ _]?sample"
@@ -30,13 +30,13 @@ STEP_WORDS = (
     r"abtastzeit|zykluszeit|delta[ _]?[tx]|[tx][ _]?incr?(?:ement)?|dt|ts"
 )
 RATE_NAME, STEP_NAME = re.compile(RATE_WORDS, re.I), re.compile(rf"{STEP_WORDS}|increment", re.I)
-MAX_BACKWARD_STEP = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
+_MAX_BACKWARD_STEP = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
 #: Median deviation of the steps from the usual one, relative to it. That of a clock whose moments jitter by a tenth of
 #: a step (rms) is 0.095; that of an angle that is the sum of the magnitudes of a multisine is 0.48.
-MAX_UNEVEN_STEP = 0.25
+_MAX_UNEVEN_STEP = 0.25
 MIN_DURATION = 1.0  # seconds from which a "sampling time" may be how long was sampled
 #: How far a time axis of uneven steps may be from a clock of three digits that is believed instead.
-CLOCK_TOLERANCE = 2e-4
+_CLOCK_TOLERANCE = 2e-4
 
 
 def is_time_name(name: str) -> bool:
@@ -46,7 +46,7 @@ def is_time_name(name: str) -> bool:
     [True, True, True, False, False]
     """
     for short in (UNIT_SUFFIX.sub("", name), UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1]):
-        found = TIME_NAME.fullmatch(short.strip(" _"))
+        found = _TIME_NAME.fullmatch(short.strip(" _"))
         if found and (found[1] is None or seconds_per_unit(found[1])):
             return True
     return False
@@ -62,7 +62,7 @@ def unit_in_name(name: str) -> str | None:
     if bracket := UNIT_SUFFIX.search(name):
         is_unit = parse_bracket(name[: bracket.start(1) - 1], bracket[1]) is not None
         return bracket[1].strip() if is_unit or is_time_name(name) else None
-    found = TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
+    found = _TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
     return found[1] if found and found[1] and is_time_name(name) else None
 
 
@@ -90,7 +90,7 @@ def hertz_per_unit(unit: str) -> float | None:
     >>> [hertz_per_unit(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N", "mHz")]
     [1000.0, 1000000.0, 1.0, 1.0, None, None]
     """
-    found = parse_unit(RATE_UNIT.sub(r"\1Hz", unit.strip()))
+    found = parse_unit(_RATE_UNIT.sub(r"\1Hz", unit.strip()))
     if found is None or unit.strip().startswith("m"):
         return None if unit.strip() else 1.0
     if not suits("frequency", found) and found.powers != (("s", -1),):
@@ -114,14 +114,14 @@ def sampling_frequency(t: np.ndarray) -> float:
     sample = np.arange(0, t.size - 1, max(1, t.size // BLOCK_ENTRIES))
     usual = float(np.median(t[sample + 1] - t[sample]))
     least, n_gaps = np.inf, 0
-    for steps in iterate_steps(t):
+    for steps in _iterate_steps(t):
         least, n_gaps = min(least, float(steps.min())), n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
-    if least < -MAX_BACKWARD_STEP * usual or usual < 0:
+    if least < -_MAX_BACKWARD_STEP * usual or usual < 0:
         return 0.0
     # else it is only printed coarsely
     most = 1.5 * usual if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1) else np.inf
     n, span, highest, squares = 0, 0.0, -np.inf, 0.0
-    for steps in iterate_steps(t):
+    for steps in _iterate_steps(t):
         steps = steps if most == np.inf else steps[steps <= most]
         n, span, squares = n + steps.size, span + float(steps.sum()), squares + float(np.sum((steps - usual) ** 2))
         highest = max(highest, float(steps.max(initial=-np.inf)))
@@ -129,7 +129,7 @@ def sampling_frequency(t: np.ndarray) -> float:
         return 0.0
     fs, tolerance = n / span, max((highest - least) / span, 1e-12)
     spread = np.sqrt(max(squares / n - (span / n - usual) ** 2, 0.0))
-    rough = CLOCK_TOLERANCE if spread > 1e-6 / fs else 0.0
+    rough = _CLOCK_TOLERANCE if spread > 1e-6 / fs else 0.0
     for n in range(1, 18):
         rounded = float(f"{fs:.{n}g}")
         if abs(rounded / fs - 1) <= max(tolerance, rough if n <= 3 else 0.0):
@@ -143,15 +143,15 @@ def is_rising(stream: np.ndarray) -> bool:
     >>> is_rising(np.array([0.0, 0.1, 0.2, 0.5, 0.6])), is_rising(np.array([0.0, 0.2, 0.1])), is_rising(np.zeros(9))
     (True, False, False)
     """
-    if any(np.any(steps < 0) for steps in iterate_steps(stream)):
+    if any(np.any(steps < 0) for steps in _iterate_steps(stream)):
         return False
     steps = np.diff(stream[:BLOCK_ENTRIES])
     steps = steps[np.isfinite(steps)]
     usual = float(np.median(steps)) if steps.size else 0.0
-    return usual > 0 and float(np.median(np.abs(steps - usual))) < MAX_UNEVEN_STEP * usual
+    return usual > 0 and float(np.median(np.abs(steps - usual))) < _MAX_UNEVEN_STEP * usual
 
 
-def iterate_steps(t: np.ndarray) -> Iterator[np.ndarray]:
+def _iterate_steps(t: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the steps of a time axis, a block at a time."""
     for some in iterate_blocks(t.size - 1):
         yield np.diff(t[some.start : some.stop + 1])

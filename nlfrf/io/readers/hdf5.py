@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from nlfrf._base.own_process import Contents
 
-UNIT_ATTRIBUTES = ("unit", "units", "unit_string", "einheit")
-RATE_ATTRIBUTES = (
+_UNIT_ATTRIBUTES = ("unit", "units", "unit_string", "einheit")
+_RATE_ATTRIBUTES = (
     "fs",
     "sample_rate",
     "samplerate",
@@ -22,16 +22,16 @@ RATE_ATTRIBUTES = (
     "samplingfrequency",
     "rate",
 )
-STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
-START_ATTRIBUTE, ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
-TIME_UNITS = ("time_unit", "time_units", "timeunit")
-MAX_TEXT = 1 << 16  # characters that a text may have
+_STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
+_START_ATTRIBUTE, _ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
+_TIME_UNITS = ("time_unit", "time_units", "timeunit")
+_MAX_TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
-SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
-COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
+_SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
+_COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes; attribute texts.
 
     Long datasets are returned unread, to be read a block at a time; so the file stays open as long as they exist. This
@@ -50,8 +50,8 @@ def contents(path: Path) -> Contents:
     arrays, units, clocks, notes = found
 
     def add(place: str, node: h5py.Dataset | h5py.Group) -> None:
-        require_own_numbers(place, node)
-        attributes = plain_attributes(node)
+        _require_own_numbers(place, node)
+        attributes = _plain_attributes(node)
         by_key = {key.lower(): held for key, held in attributes.items()}
         prefix = place.replace("/", ".")
         if place.startswith("#"):  # where MATLAB keeps what its cells and objects refer to
@@ -65,10 +65,10 @@ def contents(path: Path) -> Contents:
                 if isinstance(held, str | int | float) and not key.startswith("MATLAB"):
                     arrays[f"{prefix}.{key}" if prefix else key] = np.array(held)
             return
-        for name, array in dataset_streams(prefix, node, by_key).items():
+        for name, array in _dataset_streams(prefix, node, by_key).items():
             arrays[name] = array
-            units[name] = next((by_key[key] for key in UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
-            if clock := stated_clock(by_key):
+            units[name] = next((by_key[key] for key in _UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
+            if clock := _stated_clock(by_key):
                 clocks[name], arrays[f"{name}.start"], units[f"{name}.start"] = clock
 
     file = h5py.File(path, "r")
@@ -77,20 +77,20 @@ def contents(path: Path) -> Contents:
     return found
 
 
-def stated_clock(by_key: Attributes) -> tuple[float, np.ndarray, str] | None:
+def _stated_clock(by_key: Attributes) -> tuple[float, np.ndarray, str] | None:
     """Return the sampling frequency that attributes state, the start of the abscissa and its unit; None without."""
-    key = next((one for one in RATE_ATTRIBUTES + STEP_ATTRIBUTES if is_positive_number(by_key.get(one))), "")
+    key = next((one for one in _RATE_ATTRIBUTES + _STEP_ATTRIBUTES if _is_positive_number(by_key.get(one))), "")
     if not key:
         return None
-    number, start, is_rate = float(by_key[key]), by_key.get(START_ATTRIBUTE), key in RATE_ATTRIBUTES
-    stated = (ABSCISSA_UNIT_ATTRIBUTE, f"{key}_unit", f"{key}_units", f"{key}unit", *(() if is_rate else TIME_UNITS))
+    number, start, is_rate = float(by_key[key]), by_key.get(_START_ATTRIBUTE), key in _RATE_ATTRIBUTES
+    stated = (_ABSCISSA_UNIT_ATTRIBUTE, f"{key}_unit", f"{key}_units", f"{key}unit", *(() if is_rate else _TIME_UNITS))
     unit = next(
         (str(by_key[one]) for one in stated if by_key.get(one)), "s" if is_rate or key == "wf_increment" else ""
     )
-    return number if is_rate else 1 / number, np.array(float(start) if is_finite_number(start) else 0.0), unit
+    return number if is_rate else 1 / number, np.array(float(start) if _is_finite_number(start) else 0.0), unit
 
 
-def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
+def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
     """Refuse a dataset whose numbers lie in other files, and a group with a link to one."""
     import h5py
 
@@ -111,7 +111,7 @@ def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
 Attributes: TypeAlias = dict[str, Any]
 
 
-class LazyStream:
+class _LazyStream:
     """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut, and then scaled."""
 
     def __init__(
@@ -141,20 +141,20 @@ class LazyStream:
         return scaled if missing is None else np.where(part == missing, np.nan, scaled)
 
 
-def find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tuple[float, float, float | None] | None:
+def _find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tuple[float, float, float | None] | None:
     """Find scale, offset and missing value of a dataset; None where its numbers stay as they are."""
     scale, offset = 1.0, 0.0
-    for scale_key, offset_key in reversed(SCALING_ATTRIBUTES if node.dtype.kind in "iu" else SCALING_ATTRIBUTES[:1]):
-        if is_positive_number(attributes.get(scale_key)) or (
-            scale_key == "scale_factor" and is_finite_number(attributes.get(offset_key))
+    for scale_key, offset_key in reversed(_SCALING_ATTRIBUTES if node.dtype.kind in "iu" else _SCALING_ATTRIBUTES[:1]):
+        if _is_positive_number(attributes.get(scale_key)) or (
+            scale_key == "scale_factor" and _is_finite_number(attributes.get(offset_key))
         ):
             scale, offset = float(attributes.get(scale_key, 1.0)), float(attributes.get(offset_key, 0.0))
     missing = attributes.get("_fillvalue")
-    missing = missing if is_finite_number(missing) else None
+    missing = missing if _is_finite_number(missing) else None
     return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
 
 
-def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
+def _dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
     """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array as it is."""
     import h5py
 
@@ -162,23 +162,27 @@ def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attr
         return {}
     if node.dtype.names:
         kinds = {key: node.dtype[key] for key in node.dtype.names}
-        return {f"{name}.{key}": LazyStream(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"}
+        return {
+            f"{name}.{key}": _LazyStream(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"
+        }
     if h5py.check_string_dtype(node.dtype) and node.size == 1:
         return {name: np.array(np.ravel(node.asstr()[()])[0])}
     if node.dtype.kind not in "fiubc":
         return {}
     if attributes.get("matlab_class") == "char":
-        text = node[()] if node.size < MAX_TEXT else np.empty(0, int)
+        text = node[()] if node.size < _MAX_TEXT else np.empty(0, int)
         return {name: np.array("".join(map(chr, np.ravel(text).tolist())))}
-    names: list[str] = next((attributes[key] for key in COLUMN_ATTRIBUTES if isinstance(attributes.get(key), list)), [])
-    scaling = find_scaling(node, attributes) if node.dtype.kind in "fiu" else None
+    names: list[str] = next(
+        (attributes[key] for key in _COLUMN_ATTRIBUTES if isinstance(attributes.get(key), list)), []
+    )
+    scaling = _find_scaling(node, attributes) if node.dtype.kind in "fiu" else None
     if node.ndim == 2 and names and len(names) in node.shape:
         axis = 1 if node.shape[1] == len(names) else 0
-        return {f"{name}.{key}": LazyStream(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
-    return {name: LazyStream(node, scaling=scaling)}
+        return {f"{name}.{key}": _LazyStream(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
+    return {name: _LazyStream(node, scaling=scaling)}
 
 
-def plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
+def _plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
     """Return the attributes that are a text, a number or a list of texts, as Python types."""
     found: Attributes = {}
     for key in node.attrs:
@@ -196,11 +200,11 @@ def plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
     return found
 
 
-def is_positive_number(held: object) -> bool:
+def _is_positive_number(held: object) -> bool:
     """Return whether an attribute is a number above zero."""
-    return is_finite_number(held) and held > 0
+    return _is_finite_number(held) and held > 0
 
 
-def is_finite_number(held: object) -> TypeGuard[float]:
+def _is_finite_number(held: object) -> TypeGuard[float]:
     """Return whether an attribute is a finite number."""
     return isinstance(held, int | float) and not isinstance(held, bool) and bool(np.isfinite(held))

@@ -1,6 +1,6 @@
 """The header of a text table, by one table of rules: names and units of the columns, and the clock of the preamble.
 
-A row of the header has a label, as ``Unit,V,V`` and ``Interval,0.001`` have, by which `RULES` know what it says; or it
+A row of the header has a label, as ``Unit,V,V`` and ``Interval,0.001`` have, by which `_RULES` know what it says; or it
 stands above the columns as it is: names, units, types, comments. Where a header has fewer or more names than the table
 has columns, the numbers decide to which columns the names belong, or the names are not used.
 """
@@ -30,8 +30,8 @@ from nlfrf.io.readers.clock import (
 from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
 from nlfrf.io.readers.names import parse_unit
 
-TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
-NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
+_TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
+_NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
 
 #: What the other cells of a labelled row are.
@@ -40,50 +40,50 @@ Role = Enum("Role", "NAMES UNITS ABSCISSA_UNIT RATE STEP START TIME_OF_DAY")
 Kind = Enum("Kind", "CLOCK NUMBERS TEXT EMPTY")
 
 #: The rules: role, label in the first cell, and what every other cell must look like.
-RULES = (
+_RULES = (
     (Role.NAMES, re.compile(r"(?:(?:channel|signal|trace|kanal)[ _]?)?names?|source|kanal", re.I), re.compile(r".*")),
     (
         Role.UNITS,
         re.compile(r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I),
-        re.compile(rf"(?!{NUMBER_CELL.pattern}$).*|1", re.I),
+        re.compile(rf"(?!{_NUMBER_CELL.pattern}$).*|1", re.I),
     ),
     (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), re.compile(r"\D+")),
     (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
-    (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), NUMBER_CELL),
-    (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), NUMBER_CELL),
+    (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), _NUMBER_CELL),
+    (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), _NUMBER_CELL),
     (Role.TIME_OF_DAY, re.compile(r"time", re.I), re.compile(r"\d{1,2}:\d{2}:\d{2}(?:[.,]\d*)?")),
 )
 #: Names of columns that rise from row to row beside those of times, of remarks that few rows have, and of sockets.
-COUNTER_NAME = re.compile(
+_COUNTER_NAME = re.compile(
     r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|count(?:er)?|number|#|record|line|points?|frames?|steps?|cycles?|"
     r"ticks?|(?:loop[ _]?)?iterations?|id|seq(?:uence)?)\.?",
     re.I,
 )
-REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
-SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
-SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
+_REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
+_SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
+_SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
 #: What a name hardly stands for, of a time or a counter and of anything else.
-MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
-MAX_UNPAIRED = 2  # columns without a name, or names without a column
+_MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
+_MAX_UNPAIRED = 2  # columns without a name, or names without a column
 
 #: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
-CLOCK_TEXT = re.compile(
+_CLOCK_TEXT = re.compile(
     rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
 )
 #: The factor from the rate of a converter to that of the table, and what the latter is called.
-DECIMATION = re.compile(
+_DECIMATION = re.compile(
     r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])", re.I
 )
-OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
+_OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
 #: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
-CLOCK_VALUE = re.compile(
+_CLOCK_VALUE = re.compile(
     r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
     r"(?P<gap>[\s,;\"'|\[(]*)(?P<unit>1/s|s\^-1|[^\W\d][\w/]*(?: per sec(?:ond)?)?)?",
     re.I,
 )
 
 
-class Clock(NamedTuple):
+class _Clock(NamedTuple):
     """A sampling frequency [Hz] that a preamble states, 0 where there is none, or where it states several, `rates`."""
 
     fs: float = 0.0
@@ -99,36 +99,36 @@ class Header(NamedTuple):
     units: tuple[str, ...]
     steps: dict[int, float]
     starts: dict[int, float]
-    clock: Clock
+    clock: _Clock
     unplaced: dict[str, str]
 
 
 def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     """Read the header of a table; `columns` are its columns of numbers, by their place."""
-    kinds, width = find_kinds(layout, columns), len(layout.numeric)
-    rows, labelled, preamble = sort_rows(layout, kinds)
-    names, units, constants = find_names(rows, kinds)
+    kinds, width = _find_kinds(layout, columns), len(layout.numeric)
+    rows, labelled, preamble = _sort_rows(layout, kinds)
+    names, units, constants = _find_names(rows, kinds)
     if {*kinds[len(names) :]} == {Kind.EMPTY} and any(len(row) == width and row[: len(names)] == names for row in rows):
-        names = slice_row(names, 0, width)  # each ends in a separator, and so does the line
+        names = _slice_row(names, 0, width)  # each ends in a separator, and so does the line
     label = ""
-    if find_role(names) is Role.NAMES:
+    if _find_role(names) is Role.NAMES:
         label, names = names[0], names[len(names) > width :]
-    placed, stated, unplaced = place_names_and_units(names, units, kinds)
-    stated = stated or spread(labelled.get(Role.UNITS, []), kinds)
+    placed, stated, unplaced = _place_names_and_units(names, units, kinds)
+    stated = stated or _spread(labelled.get(Role.UNITS, []), kinds)
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
     clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
-        clock = Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
+        clock = _Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
     rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
         # a rate of an unknown unit is none
-        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK
+        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < _SAME_CLOCK
         stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
-    steps, starts = steps_and_starts(layout, labelled, kinds)
+    steps, starts = _steps_and_starts(layout, labelled, kinds)
     return Header(
         tuple(make_unique(placed)),
-        tuple(map(bare_unit, stated, placed, repeat(abscissa))),
+        tuple(map(_bare_unit, stated, placed, repeat(abscissa))),
         steps,
         starts,
         clock,
@@ -136,31 +136,31 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     )
 
 
-def place_names_and_units(
+def _place_names_and_units(
     names: list[str], units: list[str], kinds: list[Kind]
 ) -> tuple[list[str], list[str], dict[str, str]]:
     """Return the name of each column, its unit where there are any, and why names have no column."""
-    width, first = len(kinds), place_names(names, kinds)
+    width, first = len(kinds), _place_names(names, kinds)
     why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
     unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
     if unplaced:
         return [""] * width, [], unplaced
     shift = first or 0
-    return slice_row(names, -shift, width), slice_row(units, -shift, width) if units else [], {}
+    return _slice_row(names, -shift, width), _slice_row(units, -shift, width) if units else [], {}
 
 
-def is_unit(cell: str) -> bool:
+def _is_unit(cell: str) -> bool:
     """Return whether a cell holds a unit, in brackets or as it is."""
     return re.fullmatch(r"\[.*\]|\(.*\)", cell) is not None or parse_unit(cell) is not None
 
 
-def bare_unit(unit: str, name: str, abscissa: str) -> str:
+def _bare_unit(unit: str, name: str, abscissa: str) -> str:
     """Return the unit of a column without its brackets, that of the abscissa where a time states none."""
     unit = unit or (abscissa if is_time_name(name) else "")
     return "" if unit == "-" else unit.strip("[]()").strip()
 
 
-def sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
+def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
     """Return the rows of a header without a label, those with one by what it says, and the lines of the preamble.
 
     Where a row without the mark of a comment has names, only units come from those with it.
@@ -169,35 +169,35 @@ def sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[
     labelled: dict[Role, list[str]] = {}
     preamble = []
     for i, line in enumerate(layout.header):
-        cells = split_header_line(line, layout.delimiter, len(layout.numeric))
-        role = find_role(cells)
+        cells = _split_header_line(line, layout.delimiter, len(layout.numeric))
+        role = _find_role(cells)
         if role not in (None, Role.NAMES):
             labelled[role] = cells
         elif any(cells):
             rows.append((cells, line.lstrip().startswith(COMMENT_MARKS)))
         if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
             preamble.append(line)  # but not the names, of which one may be that of a clock
-    named = [row for row, comment in rows if not comment and names_in(row, kinds) and not is_units_row(row, [])]
-    kept = [row for row, comment in rows if not (comment and named) or is_units_row(row, named[-1])]
+    named = [row for row, comment in rows if not comment and _names_in(row, kinds) and not _is_units_row(row, [])]
+    kept = [row for row, comment in rows if not (comment and named) or _is_units_row(row, named[-1])]
     return kept, labelled, preamble
 
 
-def steps_and_starts(
+def _steps_and_starts(
     layout: Layout, labelled: Mapping[Role, list[str]], kinds: list[Kind]
 ) -> tuple[dict[int, float], dict[int, float]]:
     """Return steps and starts [s] of the columns as labelled rows state them, a time of the day added to its start."""
     steps, starts = (
-        {j: parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(spread(row, kinds)) if cell}
+        {j: _parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(_spread(row, kinds)) if cell}
         for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
     )
-    for j, cell in enumerate(spread(labelled.get(Role.TIME_OF_DAY, []), kinds)):
+    for j, cell in enumerate(_spread(labelled.get(Role.TIME_OF_DAY, []), kinds)):
         if cell:
             parts = enumerate(reversed(cell.replace(",", ".").split(":")))
             starts[j] = starts.get(j, 0.0) + sum(60**k * float(part) for k, part in parts)
     return steps, starts
 
 
-def find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
+def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
     """Find what each column holds."""
     return [
         (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
@@ -211,7 +211,7 @@ def find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
     ]
 
 
-def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
+def _split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     """Split a line of the header into cells, none of one that is blank, a rule, or a remark of one cell."""
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
@@ -225,76 +225,76 @@ def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     return [] if marked and len(cells) == 1 < width else cells
 
 
-def find_role(cells: Sequence[str]) -> Role | None:
+def _find_role(cells: Sequence[str]) -> Role | None:
     """Find what a row says by its label, None of a row without one.
 
-    >>> [find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
+    >>> [_find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
     [<Role.UNITS: 2>, <Role.STEP: 5>, None]
     """
     label = cells[0].rstrip(":") if cells else ""
     others = [cell for cell in cells[1:] if cell and cell != cells[0]]
-    found = (role for role, name, cell in RULES if name.fullmatch(label) and all(map(cell.fullmatch, others)))
+    found = (role for role, name, cell in _RULES if name.fullmatch(label) and all(map(cell.fullmatch, others)))
     return next(found, None) if others else None
 
 
-def slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
+def _slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
     """Return `width` cells of a row from `start` on, which may lie before its first; empty where it has none."""
     return [row[i] if 0 <= i < len(row) else "" for i in range(start, start + width)]
 
 
-def spread(row: list[str], kinds: list[Kind]) -> list[str]:
+def _spread(row: list[str], kinds: list[Kind]) -> list[str]:
     """Return the cells of a labelled row by column: where they stand, or in turn where there are as many channels.
 
-    >>> spread(["Unit", "N", "", "mm"], [Kind.CLOCK, Kind.NUMBERS, Kind.CLOCK, Kind.NUMBERS])
+    >>> _spread(["Unit", "N", "", "mm"], [Kind.CLOCK, Kind.NUMBERS, Kind.CLOCK, Kind.NUMBERS])
     ['', 'N', '', 'mm']
-    >>> spread(["Unit", "N", "mm"], [Kind.NUMBERS, Kind.NUMBERS])     # no column lies below the label
+    >>> _spread(["Unit", "N", "mm"], [Kind.NUMBERS, Kind.NUMBERS])     # no column lies below the label
     ['N', 'mm']
     """
     values = ["" if cell == row[0] else cell for cell in row]
     if len(row) >= len(kinds):
-        return slice_row(values, int(any(values[len(kinds) :])), len(kinds))
+        return _slice_row(values, int(any(values[len(kinds) :])), len(kinds))
     given = [cell for cell in values if cell]
     numbers = [j for j, kind in enumerate(kinds) if kind is Kind.NUMBERS]
     return [given[numbers.index(j)] if j in numbers and len(given) == len(numbers) else "" for j in range(len(kinds))]
 
 
-def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
+def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
     """Find names, units below them, and constants below names of clocks, upwards from the numbers.
 
     >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS]
-    >>> find_names([["X", "CH1", "Increment"], ["Sequence", "Volt", "1e-3"]], kinds)
+    >>> _find_names([["X", "CH1", "Increment"], ["Sequence", "Volt", "1e-3"]], kinds)
     (['X', 'CH1', 'Increment'], ['Sequence', 'Volt', ''], ['Increment,1e-3'])
-    >>> find_names([["Time", "Analog 1", "Analog 2"], ["ms", "Torque", "Speed"]], kinds)     # a row of units and names
+    >>> _find_names([["Time", "Analog 1", "Analog 2"], ["ms", "Torque", "Speed"]], kinds)     # a row of units and names
     (['Time', 'Torque', 'Speed'], ['ms', '', ''], [])
-    >>> find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
+    >>> _find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
-    rows = rows[:1] + [row for row in rows[1:] if not all(map(TYPE_CELL.fullmatch, filter(None, row)))]
+    rows = rows[:1] + [row for row in rows[1:] if not all(map(_TYPE_CELL.fullmatch, filter(None, row)))]
     while len(rows) > 1 and len(rows[-1]) == 1 < len(kinds) - kinds.count(Kind.EMPTY):  # "End Comments"
         rows = rows[:-1]
-    over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
+    over, above = [[], [], *(_names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row = rows[-1] if rows else []
     if above and {*row[len(above) :]} <= {"", "-"}:
-        row = slice_row(row, 0, len(above))
-        clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and NUMBER_CELL.fullmatch(row[j])]
+        row = _slice_row(row, 0, len(above))
+        clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and _NUMBER_CELL.fullmatch(row[j])]
         constants = [f"{above[j]},{row[j]}" for j in clocks]
-        row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
-        if (found := names_and_units(above, row)) is not None:
+        row = ["" if clocks and _NUMBER_CELL.fullmatch(cell) else cell for cell in row]
+        if (found := _names_and_units(above, row)) is not None:
             return (*found, constants)
-    if over and len(above) == len(over) and all(map(is_unit, above)):
+    if over and len(above) == len(over) and all(map(_is_unit, above)):
         return over, above, []
-    return names_in(row, kinds), [], []
+    return _names_in(row, kinds), [], []
 
 
-def names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[str]] | None:
+def _names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[str]] | None:
     """Return names and units of a row of names and one below it, which may hold both; None where it has no units."""
     seconds = [
         is_time_name(name) and seconds_per_unit(cell.strip("[]() ") or "?")
         for name, cell in zip(above, row, strict=True)
     ]
     others = [name for name, second in zip(above, seconds, strict=True) if not second]
-    sockets = all(map(SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
-    if is_units_row(row, above) or (any(seconds) and not sockets):
+    sockets = all(map(_SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
+    if _is_units_row(row, above) or (any(seconds) and not sockets):
         return above, row
     if not any(seconds):
         return None
@@ -302,72 +302,72 @@ def names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[s
     return names, [cell if second else "" for cell, second in zip(row, seconds, strict=True)]
 
 
-def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
+def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
     """Return the names in a row, none of one that is rather a line of a preamble: with numbers or dates, or too short.
 
     >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS, Kind.EMPTY]
-    >>> names_in(["time", "1", "2", ""], kinds), names_in(["u", "y"], kinds), names_in(["Range", "5.0"], kinds)
+    >>> _names_in(["time", "1", "2", ""], kinds), _names_in(["u", "y"], kinds), _names_in(["Range", "5.0"], kinds)
     (['time', '1', '2'], ['u', 'y'], [])
     """
     names = row[: max((j + 1 for j, cell in enumerate(row) if cell), default=0)]
     least = max(j + 1 for j, kind in enumerate(kinds) if kind is not Kind.EMPTY)
-    if names and REMARK_NAME.fullmatch(names[-1]) and (len(names) > least or kinds[0] is Kind.EMPTY):
-        return names_in(names[:-1], kinds)
-    numbers = [cell for cell in names if NUMBER_CELL.fullmatch(cell)]
+    if names and _REMARK_NAME.fullmatch(names[-1]) and (len(names) > least or kinds[0] is Kind.EMPTY):
+        return _names_in(names[:-1], kinds)
+    numbers = [cell for cell in names if _NUMBER_CELL.fullmatch(cell)]
     if len(numbers) == len(names) or any(map(MOMENT.match, names)):
         return []
     if least <= len(names) <= len(kinds):
         are_numbered = len({*numbers}) == len(numbers) and all(map(str.isdigit, numbers))
         return names if are_numbered or len(numbers) < 0.5 * len(names) else []
-    near = range(max(2, least - MAX_UNPAIRED), len(kinds) + MAX_UNPAIRED + 1)
+    near = range(max(2, least - _MAX_UNPAIRED), len(kinds) + _MAX_UNPAIRED + 1)
     return names if len(names) in near and not numbers and all(names) else []
 
 
-def place_names(names: list[str], kinds: list[Kind]) -> int | None:
+def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
     """Return the column of the first name, None where the numbers do not show it.
 
     Columns without a name hold nothing, or stand in front and run forward, as row numbers and times do. A time or a
     counter runs forward. Any other name is rather not that of a clock.
 
     >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
-    >>> place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
+    >>> _place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
     1
-    >>> place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the last name is missing, or another
-    >>> place_names(["u", "y"], [Kind.EMPTY, numbers, Kind.EMPTY])     # either may be the channel
+    >>> _place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the last name is missing, or another
+    >>> _place_names(["u", "y"], [Kind.EMPTY, numbers, Kind.EMPTY])     # either may be the channel
     """
     if not names or len(names) == len(kinds):
         return 0
     costs = {}
     for first in range(len(kinds) - len(names) + 1):
         # times and row numbers run forward
-        runs = (is_time_name(name) or COUNTER_NAME.fullmatch(name) is not None for name in names)
+        runs = (is_time_name(name) or _COUNTER_NAME.fullmatch(name) is not None for name in names)
         pairs = list(zip(runs, kinds[first:], strict=False))
         unnamed = {*kinds[:first]} - {Kind.CLOCK} | {*kinds[first + len(names) :]}
         if unnamed <= {Kind.EMPTY} and (not first or (True, Kind.NUMBERS) not in pairs):
-            costs[first] = sum(kind in MISMATCHED_KINDS[counter] for counter, kind in pairs)
+            costs[first] = sum(kind in _MISMATCHED_KINDS[counter] for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
 
 
-def is_units_row(row: list[str], above: list[str]) -> bool:
+def _is_units_row(row: list[str], above: list[str]) -> bool:
     """Return whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
 
-    >>> is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
+    >>> _is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
     True
-    >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
+    >>> _is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), _is_units_row(["u", "m"], ["a", "b"])
     (False, False)
     """
     filled = [cell for cell in row if cell.strip("-#")]
     if any(map(is_time_name, row)) and not any(map(is_time_name, above)):
         return False
-    units = sum(map(is_unit, filled))
+    units = sum(map(_is_unit, filled))
     if units == len(filled):
         return True
-    names = len({*above}) == len(above) and not any(is_unit(cell) for cell in above if len(cell) > 1)
-    return names and all(above) and units > len(filled) / 2 and is_unit(row[0])
+    names = len({*above}) == len(above) and not any(_is_unit(cell) for cell in above if len(cell) > 1)
+    return names and all(above) and units > len(filled) / 2 and _is_unit(row[0])
 
 
-def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> Clock:
+def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> _Clock:
     """Find the sampling frequency in the lines above a table; that of an unknown unit is none.
 
     A sampling time of seconds may be the duration of the record. Of several rates that of the output counts, and a
@@ -380,44 +380,44 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     >>> find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs, find_clock(("fs = 10", "dt = 1")).rates
     (1000.0, (('line 1', 10.0), ('line 2', 1.0)))
     """
-    clocks: dict[str, Clock] = {}
+    clocks: dict[str, _Clock] = {}
     for i, line in enumerate(lines):
-        found = CLOCK_TEXT.search(line)
+        found = _CLOCK_TEXT.search(line)
         value = (
-            CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
+            _CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
         )
         if found is None or value is None:
             continue
         unit = value["unit"] or ""
         scale = (hertz_per_unit if found["rate"] else seconds_per_unit)(unit)
-        if scale is None and value["gap"].strip() and not is_unit(unit):
+        if scale is None and value["gap"].strip() and not _is_unit(unit):
             scale, unit = 1.0, ""  # a word in a cell of its own
-        number = parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
+        number = _parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
         if found["step"] and found["step"].lower().endswith(("time", "zeit")) and number >= MIN_DURATION:
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
             unit = "s" if found["rate"] or found[0] == "Delta_X" else unit  # by LabVIEW
-            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = Clock(fs, found[0].strip(), unit)
-    factor = DECIMATION.search("\n".join(lines))
+            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = _Clock(fs, found[0].strip(), unit)
+    factor = _DECIMATION.search("\n".join(lines))
     if clocks and factor and (rate := max(one.fs for one in clocks.values()) / int(factor[1])) > 0:
-        if int(factor[1]) > 1 and not any(map(OUTPUT.search, clocks)):
+        if int(factor[1]) > 1 and not any(map(_OUTPUT.search, clocks)):
             data_warning(
                 f"{rate:g} Hz are taken, the rate above the table over {factor[0]!r}; give fs if it is another"
             )
-        clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not OUTPUT.search(name)}
-    outputs = [one for name, one in clocks.items() if OUTPUT.search(name)] or [*clocks.values()]
+        clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not _OUTPUT.search(name)}
+    outputs = [one for name, one in clocks.items() if _OUTPUT.search(name)] or [*clocks.values()]
     if len({f"{one.fs:.9g}" for one in outputs}) > 1:
-        return Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))
-    return outputs[0] if outputs else Clock()
+        return _Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))
+    return outputs[0] if outputs else _Clock()
 
 
-def parse_number(text: str, delimiter: str, decimal: str) -> float:
+def _parse_number(text: str, delimiter: str, decimal: str) -> float:
     """Parse a number as people write it; 0 where it is none or ambiguous: 51,200 may be 51200 or 51.2.
 
-    >>> [parse_number(text, ";", ".") for text in ("1'000", "1.000,5", "2,5", "51,200", "0,001", "1000,")]
+    >>> [_parse_number(text, ";", ".") for text in ("1'000", "1.000,5", "2,5", "51,200", "0,001", "1000,")]
     [1000.0, 1000.5, 2.5, 0.0, 0.001, 1000.0]
-    >>> parse_number("1000,1000", ",", "."), parse_number("1000,2000", ",", ".")
+    >>> _parse_number("1000,1000", ",", "."), _parse_number("1000,2000", ",", ".")
     (1000.0, 0.0)
     """
     text = re.sub(r"[ '’\u00a0\u202f]", "", text).rstrip(",")

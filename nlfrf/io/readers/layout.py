@@ -12,8 +12,8 @@ import re
 from collections import Counter
 from dataclasses import dataclass, replace
 
-N_HEAD_LINES, N_SAMPLE_LINES = 400, 60  # lines that are read, and those of them that the layout is tried on
-SEPARATORS = [
+_N_HEAD_LINES, _N_SAMPLE_LINES = 400, 60  # lines that are read, and those of them that the layout is tried on
+_SEPARATORS = [
     (",", "."),
     (";", "."),
     (";", ","),
@@ -25,16 +25,16 @@ SEPARATORS = [
     (",", ","),
 ]
 #: A line whose last cell begins with a quote that does not end in it, and the most lines that such a cell may have.
-OPEN_QUOTE, BREAKS = re.compile(r'^(?:[^"]|"[^"]*")*(?:^|[,;\t|])\s*"[^"]*$'), 5
+_OPEN_QUOTE, _BREAKS = re.compile(r'^(?:[^"]|"[^"]*")*(?:^|[,;\t|])\s*"[^"]*$'), 5
 COMMENT_MARKS = tuple("#%;!*/")
 EMPTY_CELLS = {"", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "inf", "-inf", "+inf"}
-NUMBER_WITH_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-NUMBER_WITH_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
+_NUMBER_WITH_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER_WITH_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
 MOMENT = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
 @dataclass(frozen=True)
-class Cutting:
+class _Cutting:
     """One way to cut the lines: number of columns, which are numbers and which hold anything, rows that fit."""
 
     delimiter: str
@@ -46,7 +46,7 @@ class Cutting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout(Cutting):
+class Layout(_Cutting):
     """The way that the lines are cut, and what stands above and among the numbers.
 
     Fields
@@ -91,11 +91,11 @@ def find_layout(text: str) -> Layout:
     ValueError
         No rows of numbers.
     """
-    head = join_quoted_lines(first_lines(text))
+    head = _join_quoted_lines(_first_lines(text))
     lines = [line for line, _ in head]
-    best = best_cutting(lines)
+    best = _best_cutting(lines)
     rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
-    first = next(i for i, row in enumerate(rows) if is_data(row, best))
+    first = next(i for i, row in enumerate(rows) if _is_data(row, best))
     # pandas writes the numbers of columns without names above them
     first += len(cells := [cell for cell in rows[first] if cell]) > 2 and cells == [str(i) for i in range(len(cells))]
     comment = next((line[0] for line in lines[first:] if line[:1] in COMMENT_MARKS and line[0] != delimiter), None)
@@ -112,11 +112,11 @@ def find_layout(text: str) -> Layout:
     )
 
 
-def best_cutting(lines: list[str]) -> Cutting:
+def _best_cutting(lines: list[str]) -> _Cutting:
     """Return the way to cut the lines that gives most numbers, or the one that a file declares; refuse one of none."""
     declared = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
     best = max(
-        (cut_lines(lines[-N_SAMPLE_LINES:], *split) for split in SEPARATORS if declared in (None, split[0])),
+        (_cut_lines(lines[-_N_SAMPLE_LINES:], *split) for split in _SEPARATORS if declared in (None, split[0])),
         key=lambda c: (
             c.n_data_rows > 1,
             c.n_data_rows * (sum(c.numeric) > 1),
@@ -129,29 +129,29 @@ def best_cutting(lines: list[str]) -> Cutting:
     return best
 
 
-def first_lines(text: str) -> list[str]:
+def _first_lines(text: str) -> list[str]:
     """Return the first lines, without the last one where it may be cut."""
     end, place = 0, 0
-    for _ in range(N_HEAD_LINES):
+    for _ in range(_N_HEAD_LINES):
         place = text.find("\n", end)
         if place < 0:
             break
         end = place + 1
     part = text if place < 0 else text[:end]
-    return [line.rstrip("\r") for line in part.split("\n")][: N_HEAD_LINES + 1]
+    return [line.rstrip("\r") for line in part.split("\n")][: _N_HEAD_LINES + 1]
 
 
-def join_quoted_lines(lines: list[str]) -> list[tuple[str, int]]:
+def _join_quoted_lines(lines: list[str]) -> list[tuple[str, int]]:
     """Join the lines of a quoted cell with a line break in it to one; return each with the number of its lines.
 
-    >>> join_quoted_lines(['Disk: 5" wide', '"Force', '[N]","Way"', "1,2"])
+    >>> _join_quoted_lines(['Disk: 5" wide', '"Force', '[N]","Way"', "1,2"])
     [('Disk: 5" wide', 1), ('"Force [N]","Way"', 2), ('1,2', 1)]
     """
     rows, i = [], 0
     while i < len(lines):
         n = 1
-        if lines[i].count('"') % 2 and OPEN_QUOTE.search(lines[i]):
-            longer = range(2, min(BREAKS, len(lines) - i) + 1)
+        if lines[i].count('"') % 2 and _OPEN_QUOTE.search(lines[i]):
+            longer = range(2, min(_BREAKS, len(lines) - i) + 1)
             n = next((k for k in longer if " ".join(lines[i : i + k]).count('"') % 2 == 0), 1)
         rows.append((" ".join(lines[i : i + n]), n))
         i += n
@@ -169,36 +169,36 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip("'") if cell.startswith("'") else cell for cell in map(str.strip, row)]  # but not that of Z'
 
 
-def is_number(cell: str, decimal: str) -> bool:
+def _is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number written with that decimal sign."""
-    return (NUMBER_WITH_POINT if decimal == "." else NUMBER_WITH_COMMA).fullmatch(cell) is not None
+    return (_NUMBER_WITH_POINT if decimal == "." else _NUMBER_WITH_COMMA).fullmatch(cell) is not None
 
 
-def cut_lines(lines: list[str], delimiter: str, decimal: str) -> Cutting:
+def _cut_lines(lines: list[str], delimiter: str, decimal: str) -> _Cutting:
     """Cut the lines one way: the width of most rows with numbers, the columns that are numbers in nearly all."""
     comments = {*COMMENT_MARKS} - {delimiter}
     rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in comments]
-    kinds = [[is_number(cell, decimal) for cell in row] for row in rows]
+    kinds = [[_is_number(cell, decimal) for cell in row] for row in rows]
     widths = Counter(len(row) for row, kind in zip(rows, kinds, strict=True) if any(kind))
     width = max(widths, key=lambda w: (widths[w], w), default=0)
     body = [(row, kind) for row, kind in zip(rows, kinds, strict=True) if len(row) == width and any(kind)]
     if not body:
-        return Cutting(delimiter, decimal)
+        return _Cutting(delimiter, decimal)
     half = body[len(body) // 2 :]  # behind whatever stands above the numbers
     numeric = tuple(
         any(kind[i] for _, kind in half) and all(kind[i] or row[i].lower() in EMPTY_CELLS for row, kind in half)
         for i in range(width)
     )
     filled = tuple(any(row[i] for row, _ in half) for i in range(width))
-    found = Cutting(delimiter, decimal, width, numeric, filled)
-    return replace(found, n_data_rows=sum(is_data(row, found) for row in rows))
+    found = _Cutting(delimiter, decimal, width, numeric, filled)
+    return replace(found, n_data_rows=sum(_is_data(row, found) for row in rows))
 
 
-def is_data(row: list[str], c: Cutting) -> bool:
+def _is_data(row: list[str], c: _Cutting) -> bool:
     """Return whether a row has the width of the table and numbers, or nothing, where those stand."""
     if len(row) != c.width or not any(c.numeric):
         return False
-    held = [is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
+    held = [_is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
     blank = [cell.lower() in EMPTY_CELLS for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
     return any(held) and all(a or b for a, b in zip(held, blank, strict=True))
 

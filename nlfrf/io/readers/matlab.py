@@ -11,8 +11,8 @@ from nlfrf._base.files import to_path
 from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf.io.readers import hdf5, matlab_v5
 
-OBJECTS = "what MATLAB's whos calls timeseries, timetable, table or Dataset"
-CURE = "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
+_OBJECTS = "what MATLAB's whos calls timeseries, timetable, table or Dataset"
+_CURE = "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
 
 
 def contents(path: Path) -> Contents:
@@ -20,8 +20,8 @@ def contents(path: Path) -> Contents:
     found = read_in_own_process(str((hdf5 if is_version_73(path) else matlab_v5).__file__), path)
     arrays, units, clocks, notes = found
     has_objects = any(name == "#subsystem#" for name in notes)
-    named = {name: CURE for name in notes if not name.startswith("#")}
-    return arrays, units, clocks, named or ({OBJECTS: CURE} if has_objects else {})
+    named = {name: _CURE for name in notes if not name.startswith("#")}
+    return arrays, units, clocks, named or ({_OBJECTS: _CURE} if has_objects else {})
 
 
 def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from nlfrf._base.own_process import Contents
 
-MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
+_MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read arrays by name, units and clocks; "#subsystem#" in the notes says that the file holds MATLAB objects."""
     from scipy.io import loadmat
 
@@ -30,14 +30,14 @@ def contents(path: Path) -> Contents:
     found: Contents = ({}, {}, {}, {})
     for name, content in raw.items():
         if isinstance(name, str) and not name.startswith("__"):
-            add_variable(name, content, found)
-    found = rename_by_labels(found)
+            _add_variable(name, content, found)
+    found = _rename_by_labels(found)
     if "__function_workspace__" in raw:
         found[3]["#subsystem#"] = ""
     return found
 
 
-def rename_by_labels(found: Contents) -> Contents:
+def _rename_by_labels(found: Contents) -> Contents:
     """Rename the signals of scopes by their labels, which stand in the notes, where these occur once."""
     arrays, units, clocks, labels = found
     often = Counter([*labels.values(), *arrays])
@@ -47,28 +47,28 @@ def rename_by_labels(found: Contents) -> Contents:
     return arrays, units, clocks, {}
 
 
-def add_variable(name: str, content: object, found: Contents) -> None:
+def _add_variable(name: str, content: object, found: Contents) -> None:
     """Add a MATLAB variable: numbers and texts as they are, structs member by member, scopes and dSPACE by name."""
     members = getattr(content, "_fieldnames", None)
     if members is not None:
         if {"X", "Y"} <= set(members):
-            add_dspace_recording(content, found)
+            _add_dspace_recording(content, found)
         elif "signals" in members:
-            add_scope(name, content, found)
+            _add_scope(name, content, found)
         else:
             for member in members:
-                add_variable(f"{name}.{member}", getattr(content, member), found)
+                _add_variable(f"{name}.{member}", getattr(content, member), found)
         return
     array = np.asarray(content)
     if array.dtype.kind in "fiubcUS" and array.dtype.names is None:
         found[0][name] = array
-    elif array.dtype.kind == "O" and array.size <= MAX_STRUCT_ELEMENTS:
+    elif array.dtype.kind == "O" and array.size <= _MAX_STRUCT_ELEMENTS:
         for i, element in enumerate(array.ravel()):
             if element is not content:
-                add_variable(f"{name}.{i + 1}", element, found)
+                _add_variable(f"{name}.{i + 1}", element, found)
 
 
-def add_dspace_recording(recording: mat_struct, found: Contents) -> None:
+def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
     """Add a dSPACE ControlDesk recording: X are times, one a raster, Y channels with Name, Data, Unit and raster."""
     arrays, units, clocks, _ = found
     times = {}
@@ -90,7 +90,7 @@ def add_dspace_recording(recording: mat_struct, found: Contents) -> None:
             clocks[name] = as_long[0]
 
 
-def add_scope(name: str, scope: mat_struct, found: Contents) -> None:
+def _add_scope(name: str, scope: mat_struct, found: Contents) -> None:
     """Add a Simulink scope or "structure with time": signals with its times; their labels go to the notes."""
     arrays, _, clocks, labels = found
     time = np.ravel(getattr(scope, "time", np.empty(0)))

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 TURN = 2 * pi
-MAX_LENGTH = 200  # characters of a name or a unit; what is longer is none
-PREFIXES = {
+_MAX_LENGTH = 200  # characters of a name or a unit; what is longer is none
+_PREFIXES = {
     "": 1.0,
     "p": 1e-12,
     "n": 1e-9,
@@ -40,7 +40,7 @@ PREFIXES = {
     "giga": 1e9,
 }
 #: Decades of a ratio in one of a scale: `log10` and `ln` are those of the ratio itself, dB10 that of a power.
-SCALES = {
+_SCALES = {
     **dict.fromkeys(("dB", "dB20", "decibel", "decibels"), 1 / 20),
     **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
     **dict.fromkeys(("log10", "lg"), 1.0),
@@ -50,7 +50,7 @@ SCALES = {
     "cNp": 0.01 / log(10),
 }
 #: Units by their spellings: the factor to base units, and the powers of these. A base unit stands for itself.
-UNITS = {
+_UNITS = {
     "rad radian radians": (1.0, "rad"),
     "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad in German; grad in small letters may be the gon
     "gon gons gradian gradians": (TURN / 400, "rad"),
@@ -105,9 +105,9 @@ UNITS = {
     "π pi": (pi, ""),
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
-RATIOS = ("1", *[*UNITS][-1].split())  # units of a ratio
+_RATIOS = ("1", *[*_UNITS][-1].split())  # units of a ratio
 #: Mark, number, exponent, symbol, power. A symbol ends where its word does: else a long one is cut in countless ways.
-FACTOR = (
+_FACTOR = (
     r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
     r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
     r"(?:(?:\^|\*\*)?(-[1-4]|(?:[2-4]|(?<=[*^])1)(?!\d)))?)\s*"
@@ -124,17 +124,17 @@ class Unit(NamedTuple):
 
 
 @lru_cache(1)
-def known_symbols() -> dict[str, tuple[float, str, str]]:
+def _known_symbols() -> dict[str, tuple[float, str, str]]:
     """Return factor, powers and symbol by what is written; in other letters, too, where a prefix keeps its own."""
-    units = {symbol: (*one, symbol) for names, one in UNITS.items() for symbol in names.split()}
+    units = {symbol: (*one, symbol) for names, one in _UNITS.items() for symbol in names.split()}
     found = {
         prefix + symbol: (scale * one[0], *one[1:])
-        for prefix, scale in PREFIXES.items()
+        for prefix, scale in _PREFIXES.items()
         for symbol, one in units.items()
     }
     small = {
         prefix + symbol.lower(): found[prefix + symbol]
-        for prefix in PREFIXES
+        for prefix in _PREFIXES
         for symbol in units
         if len(symbol) > 1 and symbol != "Grad" and prefix != "m"
     }
@@ -143,7 +143,7 @@ def known_symbols() -> dict[str, tuple[float, str, str]]:
 
 def find_symbol(symbol: str) -> tuple[float, str, str] | None:
     """Find factor, powers and bare symbol of a unit in one word."""
-    known = known_symbols()
+    known = _known_symbols()
     others = (symbol.lower(), symbol[0] + symbol[1:].lower()) if len(symbol) > 1 else ()
     return next((known[one] for one in (symbol, *others) if one in known), None)
 
@@ -157,22 +157,22 @@ def parse_unit(written: str) -> Unit | None:
     >>> parse_unit("dB").decades, parse_unit("dB re 1 mm/N").factor, [parse_unit(one) for one in ("grad", "mhz", "R1")]
     (0.05, 0.001, [None, None, None])
     """
-    if len(written) > MAX_LENGTH:
+    if len(written) > _MAX_LENGTH:
         return None
-    written = normalize(written).strip()
-    if written in SCALES or (len(written) > 1 and written.lower() in map(str.lower, SCALES)):
+    written = _normalize(written).strip()
+    if written in _SCALES or (len(written) > 1 and written.lower() in map(str.lower, _SCALES)):
         return Unit(
-            1.0, (), SCALES.get(written) or {one.lower(): SCALES[one] for one in SCALES}[written.lower()], written
+            1.0, (), _SCALES.get(written) or {one.lower(): _SCALES[one] for one in _SCALES}[written.lower()], written
         )
     if found := re.fullmatch(r"dB\s*(?:re[fl]?\.?\s*1?\s*(.+)|\((.+)\)|(Ω|Ohm))", written, re.I):
         of = parse_unit(found[1] or found[2] or found[3])
-        return of and of._replace(decades=SCALES["dB"])
-    if written.lower() in RATIOS:
+        return of and of._replace(decades=_SCALES["dB"])
+    if written.lower() in _RATIOS:
         return Unit(1.0, text=written)
     turned = str.maketrans("*·×⋅. /", "//////*")
     flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written)
     flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
-    factors = re.findall(FACTOR, flat) if re.fullmatch(f"(?:{FACTOR})+", flat) else []
+    factors = re.findall(_FACTOR, flat) if re.fullmatch(f"(?:{_FACTOR})+", flat) else []
     scale, powers = 1.0, Counter[str]()
     for mark, number, exponent, symbol, power in factors:
         n = int(power or exponent or 1) * (-1 if mark in ("/", "per") else 1)
@@ -187,7 +187,7 @@ def parse_unit(written: str) -> Unit | None:
     )
 
 
-def parse_powers(written: str) -> tuple[tuple[str, int], ...]:
+def _parse_powers(written: str) -> tuple[tuple[str, int], ...]:
     """Return the powers of base units in a unit that is known."""
     unit = parse_unit(written)
     return unit.powers if unit else ()
@@ -196,10 +196,10 @@ def parse_powers(written: str) -> tuple[tuple[str, int], ...]:
 def parse_bracket(head: str, inside: str) -> Unit | None:
     """Parse the unit in brackets behind a name; None also of a node or a part of a circuit, as in V(in), I(m)."""
     unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
-    return None if of and unit and unit.powers != parse_powers(of) else unit
+    return None if of and unit and unit.powers != _parse_powers(of) else unit
 
 
-def normalize(written: str) -> str:
+def _normalize(written: str) -> str:
     """Return a name without accents, with one sign for each of the minus signs, primes, degrees and squares."""
     written = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im")))
     written = "".join(one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one))
@@ -207,7 +207,7 @@ def normalize(written: str) -> str:
 
 
 #: Words by what they stand for. Of several quantities in a name the first here decides: "gain: real" is a real part.
-QUANTITIES = {
+_QUANTITIES = {
     "std": "std stdev stddev sigma σ",
     "coherence": "coh coherence koharenz γ gamma msc",
     "phase": "phase pha phas phz ph phi φ ϕ theta θ angle ang cang arg argument fase winkel phasen phasenwinkel "
@@ -219,7 +219,7 @@ QUANTITIES = {
     "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
 }
 #: Signs, inverses of G and ("loss") of its magnitude alone, powers, words that mean nothing, and those that must not.
-WORDS = {
+_WORDS = {
     "minus": "minus neg negative negated",
     "conjugate": "conj conjugate conjugated",
     "lag": "lag lagging",
@@ -233,9 +233,9 @@ WORDS = {
     "axis insertion return transmission",
     "no_name": "normalized normalised normiert scaled relative rel error err delta difference margin slope",
 }
-ROLES = {word: role for role, listed in (WORDS | QUANTITIES).items() for word in listed.split()}
+ROLES = {word: role for role, listed in (_WORDS | _QUANTITIES).items() for word in listed.split()}
 #: What a name is rewritten by, in turn, before its words are looked up; ⟪⟫ are around what a quantity is of.
-REWRITTEN = (
+_REWRITTEN = (
     (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
     (r"(?:frequency|freq)[ _]?response(?:[ _]?function)?|transfer[ _]?function", " "),
     (r"([12])0\s*[*·.]?\s*log(?:10)?(?![^\W_])", r" dB\g<1>0 "),
@@ -255,21 +255,21 @@ REWRITTEN = (
     (r"\|\s*([^|]+?)\s*\|", r" abs(\1)"),
 )
 #: Functions of what a quantity is of: "Re(Z)", "dB(S(2,1))".
-FUNCTION = re.compile(
+_FUNCTION = re.compile(
     r"(?<![^\W_])(re|im|real|imag|imaginary|abs|arg|ang|angle|phase|mag|magnitude|db|conj|(?:c?ang)_(?:deg|rad))"
     r"\(((?:[^()]|\([^()]*\))+)\)",
     re.I,
 )
-BRACKET = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\})")
-TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|(in)\s+)?)(?=[^\s(\[⟪-])")
+_BRACKET = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\})")
+_TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|(in)\s+)?)(?=[^\s(\[⟪-])")
 #: Where words are written as one: "Zmod", "ReZ", "FreqHz", "MagdB".
-GLUED = re.compile(
+_GLUED = re.compile(
     r"(?<=(?<![^\W\d_])[ZYGH])(?=(?:re|im|img|mod|abs|mag|ph|phz|phase|arg|real|imag)(?![^\W\d_]))|"
     r"(?<=[^\W\d_][a-z])(?=[A-Z][a-z]|[A-Z]{2}|dB|[ZYGH](?![^\W_]))"
 )
-SOCKET = r"(?:channel|chan|ch|trace|trc|tr|kanal)\s*\d*(?![^\W_])"
-WORD = re.compile(
-    rf"[⟪⟫()\[\]]|{SOCKET}|log10|dB[12]0|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
+_SOCKET = r"(?:channel|chan|ch|trace|trc|tr|kanal)\s*\d*(?![^\W_])"
+_WORD = re.compile(
+    rf"[⟪⟫()\[\]]|{_SOCKET}|log10|dB[12]0|[^\W\d_]+\d*|\d+(?:\.\d+)?|[^\w\s:;,./#()\[\]{{}}+=<>-]",
     re.I,
 )
 
@@ -277,8 +277,8 @@ WORD = re.compile(
 class ColumnName(NamedTuple):
     """What the name of a column says: its quantity, and how it is meant.
 
-    The quantity is one of `QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of a
-    standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which power
+    The quantity is one of `_QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of
+    a standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which power
     of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that stand
     in no table, hence names of a thing, or words that must not be ignored.
     """
@@ -305,47 +305,47 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     >>> [parse_name(name).quantity for name in ("CH2 Phase lag (deg)", "Temp (°C)", "Zmod", "S11(DB)", "Z/Ohm", "dB")]
     ['phase', '', 'magnitude', 'magnitude', 'magnitude', 'magnitude']
     """
-    if len(name) > MAX_LENGTH:
+    if len(name) > _MAX_LENGTH:
         return ColumnName(unknown=(name,))
-    written = normalize(re.sub(r"\.\d+$", "", name)).strip()
-    unit_text, written = (written, "") if is_scale(written) else (stated, written)
-    for pattern, other in REWRITTEN:
+    written = _normalize(re.sub(r"\.\d+$", "", name)).strip()
+    unit_text, written = (written, "") if _is_scale(written) else (stated, written)
+    for pattern, other in _REWRITTEN:
         written = re.sub(pattern, other, written, flags=re.I)
-    while (inner := FUNCTION.sub(rewrite_function, written)) != written:
+    while (inner := _FUNCTION.sub(_rewrite_function, written)) != written:
         written = inner
-    unit_text, written = (unit_text, written) if unit_text else split_unit(written)
+    unit_text, written = (unit_text, written) if unit_text else _split_unit(written)
     found: defaultdict[str, list[str]] = defaultdict(list)
     depth, brackets, last, is_first = 0, 0, "", True
-    for token in WORD.findall(GLUED.sub(" ", written)):
+    for token in _WORD.findall(_GLUED.sub(" ", written)):
         depth += {"⟪": 1, "⟫": -1}.get(token, 0)
         brackets += {"(": 1, "[": 1, ")": -1, "]": -1}.get(token, 0)
         role = ROLES.get(token.lower(), "filler" if token in "⟪⟫()[]" else "name")
         if is_complex and token.lower() == "in":
             role = "name"  # V(in)
-        elif re.fullmatch(SOCKET, token, re.I):
+        elif re.fullmatch(_SOCKET, token, re.I):
             role = "socket"
-        elif (role == "minus" and last.isdigit()) or (role in QUANTITIES and len(token) == 1 and not is_first):
+        elif (role == "minus" and last.isdigit()) or (role in _QUANTITIES and len(token) == 1 and not is_first):
             role = "name"  # the direction of a node, "6 minus x"; the f of "H f"
-        elif role == "name" and not depth and is_scale(token):
+        elif role == "name" and not depth and _is_scale(token):
             role = "unit"
         found[role].append(token)
         is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]|[A-Z]\d+", token))
         if role == "no_name" or (role == "name" and not is_known):
             found["unknown"].append(token)
         last, is_first = token, is_first and (depth > 0 or role in ("filler", "unit"))
-    return combine(found, unit_text, is_complex)
+    return _combine(found, unit_text, is_complex)
 
 
-def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool) -> ColumnName:
+def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool) -> ColumnName:
     """Return what the words of a name say together; what does not go together is unknown."""
     names = found["name"] + found["no_name"]
     unit_text = unit_text or next(iter(found["unit"]), "")
-    unit, named = parse_unit(unit_text), [one for one in QUANTITIES if found[one]]
+    unit, named = parse_unit(unit_text), [one for one in _QUANTITIES if found[one]]
     named = ["phase"] * bool(found["lag"] + found["lead"]) + ["magnitude"] * bool(found["loss"]) + named
     quantity = next(
-        (one for one in QUANTITIES if one in named), "" if found["unknown"] else quantity_of_unit(unit, names)
+        (one for one in _QUANTITIES if one in named), "" if found["unknown"] else _quantity_of_unit(unit, names)
     )
-    if quantity == "magnitude" and unit and unit.powers in map(parse_powers, "VAW"):
+    if quantity == "magnitude" and unit and unit.powers in map(_parse_powers, "VAW"):
         return ColumnName("level")  # several Bode plotters write the amplitude of the excitation, too
     if is_complex:
         quantity, named, found["unknown"] = "complex", [], found["no_name"]
@@ -368,7 +368,7 @@ def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool
         "inverse": quantity in ("std", "coherence", "frequency"),
         "power": quantity not in ("magnitude", "coherence"),
         "squared": quantity not in ("magnitude", "coherence") or (in_scale and unit != parse_unit("dB10")),
-        **{one: one not in (quantity, "magnitude", part) for one in QUANTITIES},
+        **{one: one not in (quantity, "magnitude", part) for one in _QUANTITIES},
     }
     unknown = found["unknown"] + [word for role in odd if odd[role] for word in found[role]]
     unknown += [one for one in logs if not (in_scale and one.lower() == "log")]
@@ -388,9 +388,9 @@ def combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool
     )
 
 
-def quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
+def _quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
     """Return the quantity that a unit alone stands for, as "dB", "S11(DEG)" and "Z/ohm" have it; empty for others."""
-    is_impedance = names in (["Z"], ["Y"]) and unit and unit.powers in map(parse_powers, ("Ohm", "S"))
+    is_impedance = names in (["Z"], ["Y"]) and unit and unit.powers in map(_parse_powers, ("Ohm", "S"))
     if unit is not None and (unit.decades > 0 or is_impedance):
         return "magnitude"
     return next((one for one in ("phase", "frequency") if suits(one, unit)), "")
@@ -424,7 +424,7 @@ def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
     return np.conj(x) if column.is_conjugate and column.quantity == "complex" else x
 
 
-def rewrite_function(found: re.Match[str]) -> str:
+def _rewrite_function(found: re.Match[str]) -> str:
     """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
@@ -433,18 +433,18 @@ def rewrite_function(found: re.Match[str]) -> str:
     return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
 
 
-def split_unit(written: str) -> tuple[str, str]:
+def _split_unit(written: str) -> tuple[str, str]:
     """Split a name into the unit in it, in brackets or behind a mark or a blank, and the rest.
 
-    >>> split_unit("Gain [dB] (CH2)"), split_unit("freq/Hz"), split_unit("Re H"), split_unit("mag_db")
+    >>> _split_unit("Gain [dB] (CH2)"), _split_unit("freq/Hz"), _split_unit("Re H"), _split_unit("mag_db")
     (('dB', 'Gain (CH2)'), ('Hz', 'freq'), ('', 'Re H'), ('db', 'mag'))
     """
-    for found in reversed(list(BRACKET.finditer(written))):
+    for found in reversed(list(_BRACKET.finditer(written))):
         inside = next((part for part in found.groups() if part), "").strip()
         head = written[: found.end() - len(found[0].lstrip())]
         if parse_bracket(head, inside) and (inside != "1" or found[1]):
             return inside, written[: found.start()] + written[found.end() :]
-    for found in TAIL.finditer(written):
+    for found in _TAIL.finditer(written):
         tail = written[found.end() :].strip()
         is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, but behind a stroke or "in"
         if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
@@ -452,7 +452,7 @@ def split_unit(written: str) -> tuple[str, str]:
     return "", written
 
 
-def is_scale(word: str) -> bool:
+def _is_scale(word: str) -> bool:
     """Return whether a word is a unit of ratios, angles or frequencies: these stand in names without brackets, too."""
     unit = parse_unit(word) if len(word) > 1 or word in "°%" else None
     return unit is not None and (unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%")

@@ -18,40 +18,40 @@ from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_t
 if TYPE_CHECKING:
     import pandas as pd
 
-END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
-GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
+_END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
+_GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # which has no decimal comma
 #: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between tabs.
-COMPLEX = re.compile(
+_COMPLEX = re.compile(
     rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
     rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|"
     rf"(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
     re.I,
 )
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
-MAX_WIDTH = 256  # columns that a table with fewer rows may have
-BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
-DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
+_MAX_WIDTH = 256  # columns that a table with fewer rows may have
+_BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
+_DATE, _DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
 def contents(path: Path) -> Contents:
     """Read columns by name, with the units and clocks that the rows above the numbers state."""
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
-    if END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(END_OF_LABVIEW_HEADER)) > 2:
+    if _END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(_END_OF_LABVIEW_HEADER)) > 2:
         raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
-    if start.startswith(b"EXPLAIN") and (section := GAMRY_IMPEDANCE.search(path.read_bytes())):
-        return read_table(section[0])
+    if start.startswith(b"EXPLAIN") and (section := _GAMRY_IMPEDANCE.search(path.read_bytes())):
+        return _read_table(section[0])
     tail = start[-200:].replace(b"\0", b"").decode("latin-1")
-    if re.search(r"[ij]\)?\s|dB,|\t[^\s,]+,", tail, re.I) and COMPLEX.search(tail):
-        return read_complex(decode_text(path.read_bytes()))
+    if re.search(r"[ij]\)?\s|dB,|\t[^\s,]+,", tail, re.I) and _COMPLEX.search(tail):
+        return _read_complex(decode_text(path.read_bytes()))
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
-        return read_table(decode_text(path.read_bytes()).encode())
-    return read_table(start, path)
+        return _read_table(decode_text(path.read_bytes()).encode())
+    return _read_table(start, path)
 
 
-def read_complex(text: str) -> Contents:
+def _read_complex(text: str) -> Contents:
     """Read a table with complex numbers, in place of each of which the parser finds its place among them."""
     numbers = [complex(np.nan)]
 
@@ -63,7 +63,7 @@ def read_complex(text: str) -> Contents:
         numbers.append(z)
         return f"{len(numbers) - 1}e-300"
 
-    arrays, units, clocks, notes = read_table(COMPLEX.sub(keep, text).encode())
+    arrays, units, clocks, notes = _read_table(_COMPLEX.sub(keep, text).encode())
     values = np.array(numbers)
     for name, x in arrays.items():
         if np.nanmin(x, initial=1.0) > 0 and np.nanmax(x, initial=0.0) < 1e-290:
@@ -71,21 +71,21 @@ def read_complex(text: str) -> Contents:
     return arrays, units, clocks, notes
 
 
-def read_table(start: bytes, path: Path | None = None) -> Contents:
+def _read_table(start: bytes, path: Path | None = None) -> Contents:
     """Read a table from the first bytes of a file, or from all of its bytes where no path is given."""
     head = start[:HEAD_BYTES]
     text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == HEAD_BYTES else head)
     layout = find_layout(text)
-    size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
+    size, n_lines = len(start) if path is None else path.stat().st_size, _count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
-    if (width := len(layout.numeric)) > MAX_WIDTH and width > 2 * n_lines:
+    if (width := len(layout.numeric)) > _MAX_WIDTH and width > 2 * n_lines:
         raise ValueError(
             f"it has {layout.n_data_rows} rows of {width} columns: transpose it, one row a sample, one column a channel"
         )
     long = path is not None and size > HEAD_BYTES
     try:
-        frame, no_numbers = parse_columns(
-            lambda: open_at_numbers(start, path, layout.n_header_lines), layout, n_lines if long else 0
+        frame, no_numbers = _parse_columns(
+            lambda: _open_at_numbers(start, path, layout.n_header_lines), layout, n_lines if long else 0
         )
     except ValueError as error:  # pandas counts from the first row of numbers
         raise ValueError(
@@ -97,20 +97,20 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     texts = (i for i, some in enumerate(layout.filled) if some and not (layout.numeric[i] or layout.moments[i]))
     notes = header.unplaced | {names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()}
     arrays = {names[i]: column for i, column in columns.items()}
-    moments = {names[i]: seconds for i, seconds in seconds_of_moments(frame, layout).items()}
+    moments = {names[i]: seconds for i, seconds in _seconds_of_moments(frame, layout).items()}
     units = dict(zip(names, header.units, strict=True)) | dict.fromkeys(moments, "s")
     arrays = moments | arrays
-    clocks, more = clocks_of_table(header, list(columns), list(arrays))
+    clocks, more = _clocks_of_table(header, list(columns), list(arrays))
     for name in () if any(map(is_time_name, arrays)) else moments:
         clocks.setdefault("", name)  # by what it holds, whatever it is called
     return arrays | more, units, clocks, notes
 
 
-def clocks_of_table(
+def _clocks_of_table(
     header: Header, columns: list[int], arrays: list[str]
 ) -> tuple[dict[str, float | str], dict[str, np.ndarray]]:
     """Return the clock of each channel by its name, and what says of it more: starts [s], a sampling time."""
-    names, clocks = header.names, own_time_columns(arrays)
+    names, clocks = header.names, _own_time_columns(arrays)
     more: dict[str, np.ndarray] = {}
     channels = [i for i in columns if not is_time_name(names[i])]
     steps = {names[i]: header.steps[i] for i in channels if header.steps.get(i, 0.0) > 0}
@@ -127,10 +127,10 @@ def clocks_of_table(
     return clocks, more
 
 
-def own_time_columns(names: list[str]) -> dict[str, float | str]:
+def _own_time_columns(names: list[str]) -> dict[str, float | str]:
     """Return the time column of each channel where each has one before it, all of one name.
 
-    >>> own_time_columns(["time (ms)", "u", "time (ms).3", "y"]), own_time_columns(["time", "u", "y"])
+    >>> _own_time_columns(["time (ms)", "u", "time (ms).3", "y"]), _own_time_columns(["time", "u", "y"])
     ({'u': 'time (ms)', 'y': 'time (ms).3'}, {})
     """
     axes: dict[str, float | str] = {}
@@ -143,7 +143,7 @@ def own_time_columns(names: list[str]) -> dict[str, float | str]:
     return axes if len({*axes.values()}) > 1 else {}
 
 
-def count_lines(start: bytes, path: Path | None) -> int:
+def _count_lines(start: bytes, path: Path | None) -> int:
     """Count the lines of a table, an upper bound of its rows."""
     if path is None:
         return 1 + start.count(b"\n") + start.count(b"\r")
@@ -151,7 +151,7 @@ def count_lines(start: bytes, path: Path | None) -> int:
         return 1 + sum(part.count(b"\n") + part.count(b"\r") for part in iter(lambda: stream.read(1 << 20), b""))
 
 
-def open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
+def _open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
     """Open a table after its first `n_lines`: pandas would skip rows instead, whose quotes may not end."""
     stream = io.BytesIO(start) if path is None else path.open("rb")
     for _ in range(n_lines):
@@ -159,7 +159,7 @@ def open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
     return stream
 
 
-def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[int, str]]:
+def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[int, str]]:
     """Parse the columns of numbers, and dates and times as texts, by pandas; note cells that are no number."""
     import pandas as pd
 
@@ -186,21 +186,21 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
             all_options = exact | options | more_empty
             with source() as stream:
                 if not n_rows:
-                    return infinite_to_nan(
+                    return _infinite_to_nan(
                         pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, **all_options), layout
                     ), {}
                 with pd.read_csv(
-                    stream, dtype=kinds, decimal=layout.decimal, chunksize=BLOCK_ROWS, **all_options
+                    stream, dtype=kinds, decimal=layout.decimal, chunksize=_BLOCK_ROWS, **all_options
                 ) as frames:
-                    return concatenate_frames((infinite_to_nan(frame, layout) for frame in frames), n_rows), {}
+                    return _concatenate_frames((_infinite_to_nan(frame, layout) for frame in frames), n_rows), {}
         except ValueError as error:
             if isinstance(error, pd.errors.ParserError):
                 raise
     with source() as stream:
-        return numbers_of_texts(pd.read_csv(stream, dtype=str, **options, **empty), layout)
+        return _numbers_of_texts(pd.read_csv(stream, dtype=str, **options, **empty), layout)
 
 
-def numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame, dict[int, str]]:
+def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame, dict[int, str]]:
     """Return the numbers of columns that were read as texts, without comments and what stands below; note others."""
     import pandas as pd
 
@@ -224,13 +224,13 @@ def numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame,
     return frame, notes
 
 
-def infinite_to_nan(frame: pd.DataFrame, layout: Layout) -> pd.DataFrame:
+def _infinite_to_nan(frame: pd.DataFrame, layout: Layout) -> pd.DataFrame:
     """Replace infinite numbers by nan: instruments write them for missing values."""
     numbers = (column.to_numpy() for i, column in frame.items() if layout.numeric[i])
     return frame.replace([np.inf, -np.inf], np.nan) if any(np.isinf(one).any() for one in numbers) else frame
 
 
-def concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFrame:
+def _concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFrame:
     """Concatenate frames into one, column by column as they come; `n_rows` is an estimate of their rows."""
     import pandas as pd
 
@@ -248,28 +248,28 @@ def concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFr
     return pd.DataFrame({i: column[:filled] for i, column in columns.items()}, copy=False)
 
 
-def seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[int, np.ndarray]:
+def _seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[int, np.ndarray]:
     """Return the seconds since the first row of a column of dates and times; a date next to a time is joined to it."""
     found = [i for i in frame.columns if not layout.numeric[i]]
     if not found:
         return {}
     column = frame[found[0]].str.strip()
-    if len(found) > 1 and not DAYTIME.search(str(column.iloc[0])):
+    if len(found) > 1 and not _DAYTIME.search(str(column.iloc[0])):
         column = column + " " + frame[found[1]].str.strip()
         found = found[1:]
     try:
-        seconds = seconds_since_first(column.str.replace(",", "."))
+        seconds = _seconds_since_first(column.str.replace(",", "."))
     except (ValueError, OverflowError):
         return {}
     return {found[0]: seconds}
 
 
-def seconds_since_first(column: pd.Series) -> np.ndarray:
+def _seconds_since_first(column: pd.Series) -> np.ndarray:
     """Return the seconds since the first of texts that are dates with times, or times of a day."""
     import pandas as pd
 
     sample = str(column.iloc[0])
-    if not DATE.match(sample):
+    if not _DATE.match(sample):
         short = sample.count(":") == 1
         seconds = pd.to_timedelta("00:" + column if short else column).dt.total_seconds().to_numpy()
         seconds = seconds + 86400.0 * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -43200)  # past midnight

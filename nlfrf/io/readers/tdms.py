@@ -11,10 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
+_EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read channels as ``group.channel``, with their units and the step of their waveforms.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package. The file is
@@ -45,7 +45,7 @@ def contents(path: Path) -> Contents:
                 clocks[name] = 1 / step
                 arrays[f"{name}.start"] = np.array(float(channel.properties.get("wf_start_offset") or 0.0))
                 units[f"{name}.start"] = str(channel.properties.get("wf_xunit_string") or "s")
-                began[f"{name}.moment"] = np.datetime64(channel.properties.get("wf_start_time", EPOCH), "us")
-    last = max(began.values(), default=EPOCH)
+                began[f"{name}.moment"] = np.datetime64(channel.properties.get("wf_start_time", _EPOCH), "us")
+    last = max(began.values(), default=_EPOCH)
     arrays |= {key: np.array((moment - last) / np.timedelta64(1, "s")) for key, moment in began.items()}
     return found

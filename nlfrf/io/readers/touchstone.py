@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read S11, S21, ... as they stand in the file, each with its frequencies [Hz].
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     from skrf.io.touchstone import Touchstone
 
-    text = io.StringIO(re.sub(r"(?m)^\s*#(.*)$", sort_options, path.read_text(encoding="latin-1"), count=1))
+    text = io.StringIO(re.sub(r"(?m)^\s*#(.*)$", _sort_options, path.read_text(encoding="latin-1"), count=1))
     text.name = str(path)  # which says how many ports there are
     file = Touchstone(text)
     if file.parameter.upper() != "S":  # scikit-rf keeps the others as S, and has read Y by the reference of Z
@@ -30,10 +30,10 @@ def contents(path: Path) -> Contents:
     return arrays | frequencies, dict.fromkeys(frequencies, "Hz"), {}, {}
 
 
-def sort_options(found: re.Match[str]) -> str:
+def _sort_options(found: re.Match[str]) -> str:
     """Return the line of options in the order that scikit-rf takes; the format allows any, and to leave some out.
 
-    >>> sort_options(re.match("#(.*)", "# R 75 RI MHz"))
+    >>> _sort_options(re.match("#(.*)", "# R 75 RI MHz"))
     '# MHz S RI R 75'
     """
     options = re.sub("!.*", "", found[1])

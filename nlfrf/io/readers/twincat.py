@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 #: How an export begins: the name of the scope, the file, and when the export starts, in quotes where blanks part cells.
-EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
+_EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
 
 
 def is_export(start: bytes) -> bool:
     """Return whether a file that begins so is an export of TwinCAT Scope."""
-    return EXPORT_HEAD.match(start) is not None
+    return _EXPORT_HEAD.match(start) is not None
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read channels by name, each with its unit and its own time axis [ms].
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.
@@ -31,7 +31,7 @@ def contents(path: Path) -> Contents:
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
     delimiter = text[4]
     # pytcs takes neither blanks nor commas between cells
-    scope = ScopeFile(StringIO(separate_by_tabs(text, delimiter) if delimiter in " ," else text))
+    scope = ScopeFile(StringIO(_separate_by_tabs(text, delimiter) if delimiter in " ," else text))
     scope.load(backend="pandas")  # its other backend cannot read from memory
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
@@ -50,7 +50,7 @@ def contents(path: Path) -> Contents:
     return found
 
 
-def separate_by_tabs(text: str, delimiter: str) -> str:
+def _separate_by_tabs(text: str, delimiter: str) -> str:
     """Return the export with tabs between the cells.
 
     The header names every column, and the first row of numbers has as many cells as there are columns. Cells of the
@@ -70,26 +70,26 @@ def separate_by_tabs(text: str, delimiter: str) -> str:
         elif not line.strip():
             rows.append("")
         else:
-            cells = split_header_row(line, delimiter, width, named=i == names)
+            cells = _split_header_row(line, delimiter, width, named=i == names)
             if cells is not None:
                 rows.append("\t".join(cells))
     numbers = [line.replace(delimiter, "\t") for line in lines[first:]]
     return "\n".join(rows + numbers)
 
 
-def split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
+def _split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
     """Split a row of the header into cells; None for a row with more cells than the table has columns.
 
-    >>> split_header_row("Name a test space Name b test space (1)", " ", 6, named=True)
+    >>> _split_header_row("Name a test space Name b test space (1)", " ", 6, named=True)
     ['Name', 'a', 'test space', 'Name', 'b', 'test space (1)']
-    >>> split_header_row("Unit (None) dV (Voltage)", " ", 3, named=False)
+    >>> _split_header_row("Unit (None) dV (Voltage)", " ", 3, named=False)
     ['Unit', '(None)', 'dV (Voltage)']
     """
     cells = line.split(delimiter)
     if len(cells) == width:
         return cells
     if delimiter == " ":
-        cells = join_words([cell for cell in cells if cell], named)
+        cells = _join_words([cell for cell in cells if cell], named)
     if len(cells) == width:
         return cells
     if named:
@@ -100,7 +100,7 @@ def split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> l
     return None
 
 
-def join_words(tokens: list[str], named: bool) -> list[str]:
+def _join_words(tokens: list[str], named: bool) -> list[str]:
     """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that TwinCAT found a second time.
 
     That name is the longest run of words in front of "(1)" that stands somewhere before it too.

@@ -11,13 +11,13 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-TIME_RESPONSE = 1
-FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
+_TIME_RESPONSE = 1
+_FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
 Dataset: TypeAlias = dict[str, Any]  # one of the file, by the names that pyuff has for its fields
-AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
+_AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Read time records by the names of their points, else by node and direction, each with its step or its times.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.
@@ -26,8 +26,8 @@ def contents(path: Path) -> Contents:
 
     found = pyuff.UFF(str(path)).read_sets()
     sets = [one for one in (found if isinstance(found, list) else [found]) if one.get("type") == 58]
-    records = [one for one in sets if one.get("func_type") == TIME_RESPONSE]
-    arrays, units = frequency_functions(sets)
+    records = [one for one in sets if one.get("func_type") == _TIME_RESPONSE]
+    arrays, units = _frequency_functions(sets)
     if not records and not arrays:
         raise ValueError(f"it holds {len(sets)} functions, no time record and no FRF: export the time histories")
     clocks: dict[str, float | str] = {}
@@ -35,10 +35,10 @@ def contents(path: Path) -> Contents:
         data = np.asarray(one["data"])
         if data.dtype.kind not in "fiu":
             continue
-        name = unused_name(record_name(one), arrays)
+        name = _unused_name(_record_name(one), arrays)
         arrays[name] = data
         step = float(one.get("abscissa_inc") or 0.0)
-        counted, units[name] = stated_unit(one, "abscissa"), stated_unit(one, "ordinate")
+        counted, units[name] = _stated_unit(one, "abscissa"), _stated_unit(one, "ordinate")
         x = np.asarray(one.get("x", ()), dtype=float)
         if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
             clocks[name] = 1 / step
@@ -51,37 +51,37 @@ def contents(path: Path) -> Contents:
     return arrays, units, clocks, {}
 
 
-def frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return FRFs by degrees of freedom, "5 z / 1 x", each with its frequencies and coherence, and their units."""
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for one in sets:
-        if (suffix := FREQUENCY_FUNCTIONS.get(one.get("func_type", 0))) is not None:
-            axes = (AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
+        if (suffix := _FREQUENCY_FUNCTIONS.get(one.get("func_type", 0))) is not None:
+            axes = (_AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
             name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
             arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
-            units[f"{name}.frequency"] = stated_unit(one, "abscissa") or "Hz"
+            units[f"{name}.frequency"] = _stated_unit(one, "abscissa") or "Hz"
             if not suffix:
-                units[name] = "/".join(filter(None, (stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))
+                units[name] = "/".join(filter(None, (_stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))
     return arrays, units
 
 
-def stated_unit(one: Dataset, axis: str) -> str:
+def _stated_unit(one: Dataset, axis: str) -> str:
     """Return the unit of an axis, empty where the file states none."""
     unit = str(one.get(f"{axis}_axis_units_lab") or "").strip()
     return "" if unit.upper() == "NONE" else unit
 
 
-def record_name(one: Dataset) -> str:
+def _record_name(one: Dataset) -> str:
     """Return the name of a record's point, its first line, or its node and direction."""
     point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
     for name in (text, point):
         if name and name.upper() != "NONE":
             return name
-    return f"node{one.get('rsp_node', 0)}{AXIS_NAMES.get(int(one.get('rsp_dir', 0)), '')}"
+    return f"node{one.get('rsp_node', 0)}{_AXIS_NAMES.get(int(one.get('rsp_dir', 0)), '')}"
 
 
-def unused_name(name: str, names: Collection[str]) -> str:
+def _unused_name(name: str, names: Collection[str]) -> str:
     """Return the name, numbered where another record has it."""
     free = (name if i == 1 else f"{name}.{i}" for i in range(1, len(names) + 2))
     return next(one for one in free if one not in names)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-CHUNK_SAMPLES = 1 << 16  # samples by which it is told how smooth a signal is
-SMOOTH_CORRELATION = (
+_CHUNK_SAMPLES = 1 << 16  # samples by which it is told how smooth a signal is
+_SMOOTH_CORRELATION = (
     0.994  # of the autocorrelation that is left after as many samples: their mean then has 99.9 % of the power
 )
-MAX_STEP = 1024  # samples looked over at most
+_MAX_STEP = 1024  # samples looked over at most
 
 
 def smooth_step(x: np.ndarray) -> int:
@@ -16,15 +16,15 @@ def smooth_step(x: np.ndarray) -> int:
 
     White noise is gone from the autocorrelation one sample away, so it is held against that.
     """
-    first = max(0, (x.size - CHUNK_SAMPLES) // 2)
-    part = x[first : first + CHUNK_SAMPLES]
+    first = max(0, (x.size - _CHUNK_SAMPLES) // 2)
+    part = x[first : first + _CHUNK_SAMPLES]
     part = part - part.mean()
 
     def left(lag: int) -> float:
         return float(np.vdot(part[lag:], part[:-lag])) / (part.size - lag)
 
     step, one = 1, left(1)
-    while one > 0 and step < MAX_STEP and 64 * step < part.size and left(2 * step) > SMOOTH_CORRELATION * one:
+    while one > 0 and step < _MAX_STEP and 64 * step < part.size and left(2 * step) > _SMOOTH_CORRELATION * one:
         step *= 2
     return step
 

@@ -13,24 +13,27 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
-UNEVEN_LOG_LIKELIHOOD = (
+_MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
+_UNEVEN_LOG_LIKELIHOOD = (
     10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
 )
-N_PARTS = 64  # of a period, between which it is tried
-MAX_REST = 1e-3  # share of what they differ by before the gap that may be left
-WHOLE_TOLERANCE = (
+_N_PARTS = 64  # of a period, between which it is tried
+_MAX_REST = 1e-3  # share of what they differ by before the gap that may be left
+_WHOLE_TOLERANCE = (
     0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
 )
-ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
-MIN_SAMPLES = 16  # samples of the noise that tell its variance
-TRANSIENT_RANK, HANKEL_SAMPLES = 4, 256  # of a Hankel matrix of two modes, more would explain gaps; samples of it
-MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
-SHORT_SHIFTS = [sign * k for k in range(1, MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
-SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
-MIN_PERIODS = 4  # shifts that explain most up to some place, of which one is that before the first gap
-N_LIKELIEST = 3  # longer ones, with those beside them
-FINE, PLACE = 1 << 13, 32  # places of a long period between which two gaps are looked for, samples that are read there
+_ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
+_MIN_SAMPLES = 16  # samples of the noise that tell its variance
+TRANSIENT_RANK, _HANKEL_SAMPLES = 4, 256  # of a Hankel matrix of two modes, more would explain gaps; samples of it
+_MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
+_SHORT_SHIFTS = [sign * k for k in range(1, _MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
+_SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
+_MIN_PERIODS = 4  # shifts that explain most up to some place, of which one is that before the first gap
+_N_LIKELIEST = 3  # longer ones, with those beside them
+_FINE, _PLACE = (
+    1 << 13,
+    32,
+)  # places of a long period between which two gaps are looked for, samples that are read there
 
 
 def find_slips(y: np.ndarray, last: int) -> np.ndarray:
@@ -51,18 +54,18 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
     >>> find_slips(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
     array([ 0., -1.,  0.])
     """
-    difference = [cumulative_power(one - following) for one, following in pairwise(y)]
-    noise = least_noise(difference, y[-1])
+    difference = [_cumulative_power(one - following) for one, following in pairwise(y)]
+    noise = _least_noise(difference, y[-1])
     found = np.zeros(len(y))
     for j, up_to in enumerate(difference):
-        found[j] = slip_length(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
+        found[j] = _slip_length(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
     if not found[-2]:
         backwards = difference[-1][-1] - difference[-1][::-1]
-        found[-1] = -slip_length(y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last)
-    return drop_contradicted_slips(y, found, last)
+        found[-1] = -_slip_length(y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last)
+    return _drop_contradicted_slips(y, found, last)
 
 
-def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
+def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
     """Return (P,) gaps, without those that the periods around them contradict.
 
     What is lost stays lost: behind a gap of k samples every later period stands k samples early. Friction and backlash
@@ -74,7 +77,7 @@ def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.nd
         return gaps
     lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
     spectra = [rfft_at(y[j], lines) for j in whole]
-    steps = np.array([period_delay(one, later, lines=lines, n_samples=y.shape[1]) for one, later in pairwise(spectra)])
+    steps = np.array([_period_delay(one, later, lines=lines, n_samples=y.shape[1]) for one, later in pairwise(spectra)])
     difference = np.diff(whole)
     pace = float(np.median(steps[difference == 1])) if (difference == 1).any() else 0.0
     kept = gaps.copy()
@@ -85,7 +88,7 @@ def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.nd
     return kept
 
 
-def period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int) -> float:
+def _period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int) -> float:
     """Samples by which a period stands later than another, by their spectra (F,)."""
     cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
     weight = float(np.sum(slope**2 * np.abs(cross)))
@@ -126,20 +129,20 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     >>> find_corrupted_periods(y.reshape(4, 400), 200, np.zeros(4))[0]
     array([False, False,  True, False])
     """
-    difference = [cumulative_power(one - following) for one, following in pairwise(y)]
-    noise = least_noise(difference, y[-1])
+    difference = [_cumulative_power(one - following) for one, following in pairwise(y)]
+    noise = _least_noise(difference, y[-1])
     mismatched, corrupted, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
     for j, up_to in enumerate(difference):
         if gaps[j] or gaps[j + 1]:
             continue
-        found, shift = has_slip_pair(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
+        found, shift = _has_slip_pair(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
         if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
             corrupted[j], total[j] = True, shift
         elif found:
             mismatched[j + 1] = True  # one or the other: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
-            found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last)
+            found, shift = _has_slip_pair(y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last)
             if found:
                 corrupted[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
@@ -150,19 +153,19 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     return corrupted, total
 
 
-def least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
+def _least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
     """Return the mean power of the difference of two periods in the quarter of the period where it is least.
 
-    difference holds `cumulative_power` of each pair, n + 1 values; the floor is the rounding of y.
+    difference holds `_cumulative_power` of each pair, n + 1 values; the floor is the rounding of y.
 
     For a signal y (N,).
     """
     n = y.size
     quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in difference)
-    return max(4 * quarter, ROUNDING_POWER * float(power(y))) / n
+    return max(4 * quarter, _ROUNDING_POWER * float(power(y))) / n
 
 
-def has_slip_pair(
+def _has_slip_pair(
     one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
     """Return whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
@@ -171,12 +174,12 @@ def has_slip_pair(
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)
-    if not is_uneven(difference, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
+    if not _is_uneven(difference, max(_ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return False, 0
-    tried = [0, *SHORT_SHIFTS, *candidate_lags(one, following, last)]
+    tried = [0, *_SHORT_SHIFTS, *_candidate_lags(one, following, last)]
     # a long period is looked at in so many places, at some samples in each
-    stride = max(1, n // FINE)
-    size, edge = min(stride, PLACE), -(-MAX_SHORT_SHIFT // stride)  # as in `slip_length`
+    stride = max(1, n // _FINE)
+    size, edge = min(stride, _PLACE), -(-_MAX_SHORT_SHIFT // stride)  # as in `_slip_length`
     at = np.arange(0, n - stride + 1, stride)[:, None] + np.arange(size)
 
     def from_there(x: np.ndarray, shift: int) -> np.ndarray:
@@ -190,27 +193,28 @@ def has_slip_pair(
     def explained(shift: int, begin: int, end: int) -> bool:
         """Return whether one of the shifts explains all of what they differ by there."""
         begin, end = begin + edge, end - edge
-        if (end - begin) * size < MIN_SAMPLES:
+        if (end - begin) * size < _MIN_SAMPLES:
             return False
         whole, rest = difference[end] - difference[begin], left[shift, end] - left[shift, begin]
-        if whole - rest < MIN_LOG_LIKELIHOOD * blur * noise:
+        if whole - rest < _MIN_LOG_LIKELIHOOD * blur * noise:
             return False
         parts = begin + np.arange(5) * (end - begin) // 4
         step = from_there(following[at], tried[shift])
         by_parts = np.diff(difference[parts] - left[shift, parts])
-        matches = rest <= max(MAX_REST * whole, 2 * (end - begin) * size * noise)
-        matches &= by_parts.min() > SPIKE_SHARE * by_parts.sum()
-        if not (matches and confirms_shift(parts, difference, left=left[shift], step=step, noise=noise * blur)):
+        matches = rest <= max(_MAX_REST * whole, 2 * (end - begin) * size * noise)
+        matches &= by_parts.min() > _SPIKE_SHARE * by_parts.sum()
+        if not (matches and _confirms_shift(parts, difference, left=left[shift], step=step, noise=noise * blur)):
             return False
         noise_there = one[begin * stride : end * stride]
         noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
         return bool(
-            whole - rest > MIN_LOG_LIKELIHOOD * correlation_length(noise_there) * power(noise_there) / noise_there.size
+            whole - rest
+            > _MIN_LOG_LIKELIHOOD * _correlation_length(noise_there) * power(noise_there) / noise_there.size
         )
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
     slip_gain = (difference - left[1:]).max(axis=1)
-    for before in ([0], (np.argsort(slip_gain)[-MIN_PERIODS:] + 1).tolist()):
+    for before in ([0], (np.argsort(slip_gain)[-_MIN_PERIODS:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
         for i in before:
             from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
@@ -230,7 +234,7 @@ def has_slip_pair(
     return False, 0
 
 
-def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
+def _candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
     """Longer shifts by which parts of a period are likeliest found in the next one, by the phases of all lines."""
     n = one.size
     cross = rfft(one).conj() * rfft(following)
@@ -238,57 +242,57 @@ def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[in
     reach = max(2, n // 8)
     lag_correlation = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
     lag_correlation = np.concatenate([lag_correlation[-reach:], lag_correlation[: reach + 1]])
-    lag_correlation[max(reach - MAX_SHORT_SHIFT, 0) : reach + MAX_SHORT_SHIFT + 1] = -np.inf
+    lag_correlation[max(reach - _MAX_SHORT_SHIFT, 0) : reach + _MAX_SHORT_SHIFT + 1] = -np.inf
     found: set[int] = set()
-    for _ in range(N_LIKELIEST):
+    for _ in range(_N_LIKELIEST):
         best = int(lag_correlation.argmax())
         found |= {best - reach + offset for offset in (-1, 0, 1)}
-        lag_correlation[max(best - MAX_SHORT_SHIFT, 0) : best + MAX_SHORT_SHIFT + 1] = -np.inf
+        lag_correlation[max(best - _MAX_SHORT_SHIFT, 0) : best + _MAX_SHORT_SHIFT + 1] = -np.inf
     return sorted(found)
 
 
-def confirms_shift(
+def _confirms_shift(
     parts: np.ndarray, difference: np.ndarray, *, left: np.ndarray, step: np.ndarray, noise: float
 ) -> bool:
-    """Return whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
+    """Return whether each part of a signal asks for all of a shift, by what it explains, `_cumulative_power`.
 
     And the step it makes.
     """
     before, after, size = (np.diff(x[parts]) for x in (difference, left, step))
-    return bool((np.abs(before - after - size) < 2 * WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
+    return bool((np.abs(before - after - size) < 2 * _WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
 
 
-def slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int) -> int:
+def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int) -> int:
     """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
 
     In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
-    What the two differ by is given, `cumulative_power`.
+    What the two differ by is given, `_cumulative_power`.
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
-    if not is_uneven(difference, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
+    if not _is_uneven(difference, max(_ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return 0
     found, most = 0, 0.0
-    for shift in candidate_shifts(one, following, difference):
+    for shift in _candidate_shifts(one, following, difference):
         there = np.roll(following, -shift)
-        left, step = cumulative_power(one - there), cumulative_power(there - following)
+        left, step = _cumulative_power(one - there), _cumulative_power(there - following)
         gap = int(np.argmax(difference - left))
         end = max(
-            gap - MAX_SHORT_SHIFT, 0
+            gap - _MAX_SHORT_SHIFT, 0
         )  # what was put into the gap is nowhere else, and a spike that is moved past it is
         explained, behind = difference[end] - left[end], difference[-1] - difference[gap]
-        least = min(noise, behind / (n - gap)) if n - gap > MIN_SAMPLES * blur else noise
-        sure = MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
+        least = min(noise, behind / (n - gap)) if n - gap > _MIN_SAMPLES * blur else noise
+        sure = _MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
         if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(
-            MAX_REST * difference[end], 2 * end * least
+            _MAX_REST * difference[end], 2 * end * least
         ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        if explained > most and confirms_shift(
+        if explained > most and _confirms_shift(
             np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur
         ):
             rest, remainder = (one - there)[:end], one - np.where(np.arange(n) < gap, there, following)
-            if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end and not is_free_response(
+            if explained > _MIN_LOG_LIKELIHOOD * _correlation_length(rest) * power(rest) / end and not is_free_response(
                 one - following, remainder, begin=0, gap=gap
             ):
                 found, most = shift, explained
@@ -302,11 +306,11 @@ def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, ga
     because it ends at once. So as many samples behind the gap are looked at as before it, from `begin` on.
     """
     reach = min(gap - begin, difference.size - gap)
-    if 2 * reach < MIN_SAMPLES:
+    if 2 * reach < _MIN_SAMPLES:
         return True  # so few samples do not tell
     some = slice(gap - reach, gap + reach)
-    modes = np.linalg.svd(hankel(difference[some]), compute_uv=False)
-    return bool(power(modes[TRANSIENT_RANK:]) <= power(hankel(left[some]).ravel()))
+    modes = np.linalg.svd(_hankel(difference[some]), compute_uv=False)
+    return bool(power(modes[TRANSIENT_RANK:]) <= power(_hankel(left[some]).ravel()))
 
 
 def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:
@@ -314,18 +318,18 @@ def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANS
 
     What noise of so much a sample makes counts as explained.
     """
-    matrix = hankel(difference - difference.mean())
+    matrix = _hankel(difference - difference.mean())
     modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
     return float(1 - (power(modes[rank:]) - noise) / max(float(power(modes)), TINY))
 
 
-def hankel(x: np.ndarray) -> np.ndarray:
+def _hankel(x: np.ndarray) -> np.ndarray:
     """Return the Hankel matrix of a signal (n,), as square as it can be, of at most HANKEL_SAMPLES to it."""
-    x = x[:: -(-x.size // HANKEL_SAMPLES)]
+    x = x[:: -(-x.size // _HANKEL_SAMPLES)]
     return sliding_window_view(x, x.size // 2)
 
 
-def correlation_length(noise: np.ndarray) -> float:
+def _correlation_length(noise: np.ndarray) -> float:
     """Samples of a noise (n,) that say one thing about its power: sum of its squared autocorrelation, at least 1.
 
     Noise that a resonance made varies from place to place as one with hundreds of times fewer samples would.
@@ -336,28 +340,30 @@ def correlation_length(noise: np.ndarray) -> float:
     return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0) if total > 0 else 1.0
 
 
-def cumulative_power(x: np.ndarray) -> np.ndarray:
+def _cumulative_power(x: np.ndarray) -> np.ndarray:
     """Return (N + 1,) power of x (N,) up to each sample."""
     return np.append(0.0, np.add.accumulate(x * x))
 
 
-def is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
+def _is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
     """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
     n = difference.size - 1
-    parts = min(N_PARTS, n)
+    parts = min(_N_PARTS, n)
     at = np.arange(1, parts) * n // parts
     before, whole = np.maximum(difference[at] / at, floor), max(difference[-1] / n, floor)
     behind = np.maximum((difference[-1] - difference[at]) / (n - at), floor)
     gain = n * np.log(whole) - at * np.log(before) - (n - at) * np.log(behind)
-    return bool(gain.max() > 2 * UNEVEN_LOG_LIKELIHOOD * blur)
+    return bool(gain.max() > 2 * _UNEVEN_LOG_LIKELIHOOD * blur)
 
 
-def candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
+def _candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
     """Return the shifts to try: the one that fits the samples up to half of the difference best, and all short ones."""
     n = one.size
     half = int(np.searchsorted(difference, difference[-1] / 2))
-    size = cumulative_power(np.tile(following, 2))
+    size = _cumulative_power(np.tile(following, 2))
     together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
     likeliest -= n if likeliest > n // 2 else 0
-    return SHORT_SHIFTS if abs(likeliest) <= MAX_SHORT_SHIFT or abs(likeliest) > n // 8 else [likeliest, *SHORT_SHIFTS]
+    return (
+        _SHORT_SHIFTS if abs(likeliest) <= _MAX_SHORT_SHIFT or abs(likeliest) > n // 8 else [likeliest, *_SHORT_SHIFTS]
+    )

@@ -20,24 +20,24 @@ from nlfrf.records.screening.decimation import common_smooth_step, decimate
 from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
 
 SEVERE_POWER = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
-VISIBLE_POWER = 1e-7
-HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
+_VISIBLE_POWER = 1e-7
+_HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
 MAX_LINES = 1 << 14  # lines that tell delays well enough
-FEW_PERIODS = 8  # steps of which one or two may be jumps, and the median halfway into them
-CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
-PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
-PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
+_FEW_PERIODS = 8  # steps of which one or two may be jumps, and the median halfway into them
+_CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+_PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
+_PART, _FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
 #: Of an output that repeats its last value where its sensor is slow: share of the samples that begin anew behind a
 #: repetition; repetitions to steps of one quantum, of which rounding makes as many; of the runs of repetitions share
 #: behind which it goes on in its direction, and the smaller step beside them over the rms of steps. 600 slow sensors
 #: have 0.10 and 0.38 at least, of 120 outputs with play the median has 0.09 and 0.27 (`benchmarks.records_as_found`).
-MIN_HELD, MAX_ROUNDED, MIN_ONWARD, MIN_STEP = 0.02, 4.0, 0.1, 0.36
-STANDSTILL_SHARE = 0.02  # how much a pace of one sample counts against one of none that explains as much
-DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
-ROUNDING = 1e-12  # of a sample: so near it is that sample
-KAISER_BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
-SINC_OFFSETS = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)  # of the samples it takes
-WINDOW_ORDER = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
+_MIN_HELD, _MAX_ROUNDED, _MIN_ONWARD, _MIN_STEP = 0.02, 4.0, 0.1, 0.36
+_STANDSTILL_SHARE = 0.02  # how much a pace of one sample counts against one of none that explains as much
+_DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
+_ROUNDING = 1e-12  # of a sample: so near it is that sample
+_KAISER_BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
+_SINC_OFFSETS = np.arange(-_HALF_WIDTH + 1, _HALF_WIDTH + 1)  # of the samples it takes
+_WINDOW_ORDER = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
 
 
 @value
@@ -78,7 +78,7 @@ class PeriodAlignment:
             return np.zeros(self.sound.size)
         known = np.add.reduceat(self.gaps, j)[:-1]
         steps, intervals = np.diff(self.delay[j]) - known, np.diff(j)
-        whole = known + np.round(steps - common_step_length(steps, intervals) * intervals)
+        whole = known + np.round(steps - _common_step_length(steps, intervals) * intervals)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
 
@@ -131,7 +131,7 @@ class PeriodAlignment:
         if not self.sound.all():
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return f"the input does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
-        if self.misplaced < VISIBLE_POWER or np.abs(self.delay).max() < 5 * self.noise:
+        if self.misplaced < _VISIBLE_POWER or np.abs(self.delay).max() < 5 * self.noise:
             return ""
         if self.drifts:
             return (
@@ -147,14 +147,14 @@ class PeriodAlignment:
         )
 
 
-def common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
+def _common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
     """Return the pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
-    if steps.size > FEW_PERIODS:
+    if steps.size > _FEW_PERIODS:
         return float(np.median(steps / intervals))
     paces = np.append(steps / intervals, 0.0)
     left = steps - paces[:, None] * intervals
     jumps = np.round(left)
-    costs = np.abs(left - jumps).sum(axis=1) + STANDSTILL_SHARE * np.abs(paces)
+    costs = np.abs(left - jumps).sum(axis=1) + _STANDSTILL_SHARE * np.abs(paces)
     return float(paces[np.lexsort((costs, np.count_nonzero(jumps, axis=1)))[0]])
 
 
@@ -178,7 +178,7 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
     if all(streams_equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
         return are_in_place(n_samples, np.ones(n_periods, dtype=bool))
     step = common_smooth_step([u], n_samples) if n_samples > BLOCK_ENTRIES else 1
-    found = track_cut_periods(decimate(periods, step))
+    found = _track_cut_periods(decimate(periods, step))
     return replace(
         found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
     )
@@ -192,7 +192,7 @@ def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
     )
 
 
-def track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
+def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     """`track_input` of periods (P, N) that are cut evenly; one is transformed at a time."""
     n_samples = periods.shape[1]
     power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
@@ -266,7 +266,7 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
         sound = where.sound
         # a delay is an average over its period: it belongs to the middle
         middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
-        curve = np.polyfit(middle, smooth, min(DRIFT_ORDER, middle.size - 1))
+        curve = np.polyfit(middle, smooth, min(_DRIFT_ORDER, middle.size - 1))
     rows, kept = [], []
     for period in j[where.sound]:
         jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
@@ -289,30 +289,30 @@ def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     >>> bool(abs(interpolate_bandlimited(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
     True
     """
-    windows, values = kaiser_windows(), np.empty(at.size)
-    for some in iterate_blocks(at.size, SINC_OFFSETS.size):
+    windows, values = _kaiser_windows(), np.empty(at.size)
+    for some in iterate_blocks(at.size, _SINC_OFFSETS.size):
         first = np.floor(at[some]).astype(int)
-        beyond = np.maximum(at[some] - first, ROUNDING)
-        kernel = np.vander(2 * beyond - 1, WINDOW_ORDER + 1) @ windows
-        kernel /= beyond[:, None] - SINC_OFFSETS
-        values[some] = np.vecdot(x.take(first[:, None] + SINC_OFFSETS, mode="clip"), kernel) / np.add.reduce(
+        beyond = np.maximum(at[some] - first, _ROUNDING)
+        kernel = np.vander(2 * beyond - 1, _WINDOW_ORDER + 1) @ windows
+        kernel /= beyond[:, None] - _SINC_OFFSETS
+        values[some] = np.vecdot(x.take(first[:, None] + _SINC_OFFSETS, mode="clip"), kernel) / np.add.reduce(
             kernel, axis=1
         )
     return values
 
 
 @lru_cache(maxsize=1)
-def kaiser_windows() -> np.ndarray:
+def _kaiser_windows() -> np.ndarray:
     """(8, 48) polynomials in the place between two samples, from -1 to 1: what each sample around has of the window.
 
     With the sign of the sine of the sinc, which is the same for all but for that.
     """
     from scipy.special import i0
 
-    nodes = np.cos(np.pi * (np.arange(WINDOW_ORDER + 1) + 0.5) / (WINDOW_ORDER + 1))
-    away = ((nodes[:, None] + 1) / 2 - SINC_OFFSETS) / HALF_WIDTH
-    sign = np.where(SINC_OFFSETS % 2, -1.0, 1.0)
-    windows = np.linalg.solve(np.vander(nodes), sign * i0(KAISER_BETA * np.sqrt(1 - away**2)))
+    nodes = np.cos(np.pi * (np.arange(_WINDOW_ORDER + 1) + 0.5) / (_WINDOW_ORDER + 1))
+    away = ((nodes[:, None] + 1) / 2 - _SINC_OFFSETS) / _HALF_WIDTH
+    sign = np.where(_SINC_OFFSETS % 2, -1.0, 1.0)
+    windows = np.linalg.solve(np.vander(nodes), sign * i0(_KAISER_BETA * np.sqrt(1 - away**2)))
     windows.flags.writeable = False
     return windows
 
@@ -321,7 +321,7 @@ def clipped_share(x: np.ndarray) -> float:
     """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
 
     A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
-    level: smooth peaks are at most `PILE_RATIO` times as long in the highest one.
+    level: smooth peaks are at most `_PILE_RATIO` times as long in the highest one.
 
     >>> x = np.sin(np.arange(1000) / 50)
     >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
@@ -338,7 +338,7 @@ def clipped_share(x: np.ndarray) -> float:
             following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
         if some_in_a_row:
             costs = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
-            n += flat_ones if flat_ones > PILE_RATIO * costs else 0
+            n += flat_ones if flat_ones > _PILE_RATIO * costs else 0
     return n / x.size
 
 
@@ -362,9 +362,9 @@ def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
 
 def hold_factor(x: np.ndarray) -> int:
     """Over how many samples each number of a stream stands, where it changes at every n-th place only; else one."""
-    part = x[:PART]
+    part = x[:_PART]
     at = np.flatnonzero(part[1:] != part[:-1])
-    n = int(np.gcd.reduce(at - at[0])) if at.size > FEWEST_CHANGES else 1
+    n = int(np.gcd.reduce(at - at[0])) if at.size > _FEWEST_CHANGES else 1
     return n if n > 1 and at.size * n > part.size / 2 else 1
 
 
@@ -379,21 +379,21 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     >>> round(repeated_share(y[t * 3 // 10 * 10 // 3], t), 2), repeated_share(np.round(y, 2), t)
     (0.7, 0.0)
     """
-    y, u = y[:PART], u[:PART]
+    y, u = y[:_PART], u[:_PART]
     steps = np.diff(y)
     still = steps == 0
     edges = np.flatnonzero(still[1:] != still[:-1]) + 1  # steps that begin a run of repetitions or moves
     behind = edges[~still[edges]]
     held = y[behind]  # and the step into it is the last one before its run of repetitions
     free = (held != y.max()) & (held != y.min()) & (u[behind] != u[behind - 1])
-    if np.count_nonzero(free) < max(FEWEST_CHANGES / 2, MIN_HELD * y.size, behind.size / 2):
+    if np.count_nonzero(free) < max(_FEWEST_CHANGES / 2, _MIN_HELD * y.size, behind.size / 2):
         return 0.0
     size = np.abs(steps)
     quantum = float(size.min(initial=np.inf, where=~still))
     into = np.maximum.accumulate(np.where(still, 0, np.arange(steps.size)))[behind - 1]
-    full = np.minimum(size[into], size[behind]).mean() > MIN_STEP * np.sqrt(np.mean(size[~still] ** 2))
-    onward = np.mean(steps[into] * steps[behind] > 0) > MIN_ONWARD and np.mean(held == np.median(held)) < 0.5
-    rounded = np.count_nonzero(still) < MAX_ROUNDED * np.count_nonzero(size[~still] < 1.5 * quantum)
+    full = np.minimum(size[into], size[behind]).mean() > _MIN_STEP * np.sqrt(np.mean(size[~still] ** 2))
+    onward = np.mean(steps[into] * steps[behind] > 0) > _MIN_ONWARD and np.mean(held == np.median(held)) < 0.5
+    rounded = np.count_nonzero(still) < _MAX_ROUNDED * np.count_nonzero(size[~still] < 1.5 * quantum)
     return float(np.mean(still)) if full and onward and not rounded and np.median(size[behind]) > 2.5 * quantum else 0.0
 
 
@@ -401,7 +401,7 @@ def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would read as distortion."""
     begin, length = longest_constant_run(signal)
     share = clipped_share(signal) if length > 2 else 0.0
-    if share > CLIPPED_SHARE:
+    if share > _CLIPPED_SHARE:
         data_warning(
             f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
             "lower the level or widen the range"

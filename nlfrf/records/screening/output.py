@@ -27,46 +27,46 @@ from nlfrf.signals.lines import chance_correlation
 
 # ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
 
-MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named
-NEGLIGIBLE = 1e-6  # of the rms: what periods may differ by without a word
-MIN_OFFSET_DRIFT = 0.15  # change of the operating point over the record that is named, in rms of the output
-FEW, ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
-CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
-DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
+_MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named
+_NEGLIGIBLE = 1e-6  # of the rms: what periods may differ by without a word
+_MIN_OFFSET_DRIFT = 0.15  # change of the operating point over the record that is named, in rms of the output
+_FEW, _ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
+_CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
+_DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
-def describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
+def _describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
     """Return how the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
 
     `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
     and of few periods each is a first one.
     """
-    if at.size < 2 or (at.size < FEW and explained < ALONE):
+    if at.size < 2 or (at.size < _FEW and explained < _ALONE):
         return ""
-    slope, bend = fit_line(at, gain)
+    slope, bend = _fit_line(at, gain)
     drift = slope * float(np.ptp(at))
-    place, step, rest = find_step(gain)
-    least = max(MIN_GAIN_DRIFT, noise)
+    place, step, rest = _find_step(gain)
+    least = max(_MIN_GAIN_DRIFT, noise)
     if rest < bend or at.size < 3:
-        if abs(step) > least and rest < CLEAR_SHARE * abs(step) and (place > 1 or explained > ALONE):
+        if abs(step) > least and rest < _CLEAR_SHARE * abs(step) and (place > 1 or explained > _ALONE):
             return (
                 f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}: G is that of "
-                f"neither side; {DRIFT_CURE}"
+                f"neither side; {_DRIFT_CURE}"
             )
         if place == 1:
             return ""
-    if at.size >= FEW and abs(drift) > least and bend < CLEAR_SHARE * abs(drift):
+    if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
         return (
             f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it; "
-            f"{DRIFT_CURE}"
+            f"{_DRIFT_CURE}"
         )
     return ""
 
 
-def describe_offset_drift(offset: np.ndarray) -> str:
+def _describe_offset_drift(offset: np.ndarray) -> str:
     """Return how far the operating point of the periods wanders; empty where it does not."""
     change = float(np.ptp(offset))
-    if change <= MIN_OFFSET_DRIFT:
+    if change <= _MIN_OFFSET_DRIFT:
         return ""
     return (
         f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
@@ -74,13 +74,13 @@ def describe_offset_drift(offset: np.ndarray) -> str:
     )
 
 
-def fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+def _fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
     """Slope of the straight line through x, and the largest departure from it."""
     fit = np.polyfit(at, x, 1)
     return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
 
 
-def find_step(x: np.ndarray) -> tuple[int, float, float]:
+def _find_step(x: np.ndarray) -> tuple[int, float, float]:
     """Return where x (n,) steps, by what share of what it was, and the largest departure from that."""
     first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
     rest = np.maximum(first[:-1], last[-2::-1]) / 2
@@ -92,7 +92,7 @@ def find_step(x: np.ndarray) -> tuple[int, float, float]:
 # ---- Whether periods differ by a transient: it is smooth over frequency, which neither noise nor a fault is.
 
 N_POLYNOMIAL = 3
-MAX_WINDOWS = 1000  # windows that decide whether there is a transient; more would only take time
+_MAX_WINDOWS = 1000  # windows that decide whether there is a transient; more would only take time
 WINDOW_LINES = 12  # neighbouring lines over which a difference between periods is tested for smoothness
 
 
@@ -105,13 +105,13 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
         Spectra of two periods on neighbouring lines.
     """
     n_windows = first.shape[1] // WINDOW_LINES
-    step = max(1, first.shape[0] * n_windows // MAX_WINDOWS)
+    step = max(1, first.shape[0] * n_windows // _MAX_WINDOWS)
     difference = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
     windows = difference.reshape(len(difference), -1, WINDOW_LINES)[:, ::step].reshape(-1, WINDOW_LINES)
     total = power(windows)
     if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
         return False
-    explained = power(windows @ smooth_basis())
+    explained = power(windows @ _smooth_basis())
     rest = np.maximum(total - explained, 1e-12 * total)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
     ratio = explained / np.maximum(rest, TINY) * (WINDOW_LINES - N_POLYNOMIAL) / N_POLYNOMIAL
@@ -119,7 +119,7 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
 
 
 @cache
-def smooth_basis() -> np.ndarray:
+def _smooth_basis() -> np.ndarray:
     """Return (WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
@@ -127,19 +127,21 @@ def smooth_basis() -> np.ndarray:
 #: Of what differs: two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise; four explain less than 0.95 of a
 #: start from rest in one of 300 random records. The power in the second half of a period over the first, of modes that
 #: beat, of the first over the second, and of both over the noise. All are tuned on `benchmarks.bench_screening`.
-MODAL_SHARE, SETTLING_SHARE, MIN_OVER_NOISE, MAX_BEAT, MIN_DECAY, MIN_EXCESS = 0.9, 0.95, 3.0, 2.0, 1.1, 1.2
-SIGMAS = 6.0  # standard deviations past which a fault is believed
-MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
-VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
-MAX_CLOCK_ERROR = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
-MAX_LEVEL_CHANGE = 0.25  # how far the gain of a period may be from that of the others
-MAX_UNEXPLAINED = 1e-3  # share of the power of a period that may not repeat before it is looked at
-FALSE_ALARM = 1e-3  # probability with which noise may pass for a period that is late or early
-OPPOSITE_CORRELATION = 0.9  # of what two periods could have in common, from which one is the other with its sign turned
+_MODAL_SHARE, _SETTLING_SHARE, _MIN_OVER_NOISE, _MAX_BEAT, _MIN_DECAY, _MIN_EXCESS = 0.9, 0.95, 3.0, 2.0, 1.1, 1.2
+_SIGMAS = 6.0  # standard deviations past which a fault is believed
+_MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
+_VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
+_MAX_CLOCK_ERROR = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
+_MAX_LEVEL_CHANGE = 0.25  # how far the gain of a period may be from that of the others
+_MAX_UNEXPLAINED = 1e-3  # share of the power of a period that may not repeat before it is looked at
+_FALSE_ALARM = 1e-3  # probability with which noise may pass for a period that is late or early
+_OPPOSITE_CORRELATION = (
+    0.9  # of what two periods could have in common, from which one is the other with its sign turned
+)
 
 
 @value(copy=False)
-class OutputAlignment:
+class _OutputAlignment:
     """How an output stands against the input, period by period.
 
     Fields
@@ -198,11 +200,11 @@ class OutputAlignment:
         at = np.flatnonzero(self.sound)
         if at.size < 2:
             return 0.0
-        pace, bend = fit_line(at, (self.delay - self.jumps)[at])
+        pace, bend = _fit_line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
-        straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
-        likely = self.explained > (ALONE if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SIGMAS * self.noise
-        return pace if abs(pace) * spread > SIGMAS * self.noise and straight and likely else 0.0
+        straight = at.size < _FEW or bend < 0.3 * abs(pace) * np.ptp(at)
+        likely = self.explained > (_ALONE if at.size < _FEW else 0.1) or abs(pace) * spread > 3 * _SIGMAS * self.noise
+        return pace if abs(pace) * spread > _SIGMAS * self.noise and straight and likely else 0.0
 
     @property
     def fault(self) -> str:
@@ -219,7 +221,7 @@ class OutputAlignment:
         if self.broken:
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
-        if self.clock and self.misplaced > VISIBLE_POWER and self.outweighs_noise:
+        if self.clock and self.misplaced > _VISIBLE_POWER and self.outweighs_noise:
             ppm = 1e6 * self.clock / self.n_samples
             return (
                 f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
@@ -241,7 +243,7 @@ class OutputAlignment:
     def severe(self) -> bool:
         """Whether that would read as distortion, beyond what is noise anyhow."""
         return (
-            (self.misplaced > SEVERE_POWER and self.explained > MIN_EXPLAINED) or self.broken or bool(self.turns.any())
+            (self.misplaced > SEVERE_POWER and self.explained > _MIN_EXPLAINED) or self.broken or bool(self.turns.any())
         )
 
     @property
@@ -260,11 +262,11 @@ class OutputAlignment:
     def drift(self) -> str:
         """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
         at = np.flatnonzero(self.sound)
-        changed = describe_gain_drift(at, self.gain[at], noise=SIGMAS * self.gain_noise, explained=self.explained)
-        return changed if changed or at.size < FEW else describe_offset_drift(self.offset[at])
+        changed = _describe_gain_drift(at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained)
+        return changed if changed or at.size < _FEW else _describe_offset_drift(self.offset[at])
 
 
-def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlignment:
+def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlignment:
     """Follow the periods of an output against those of its input.
 
     Periods in which y still rings are left aside: a transient has a phase and a gain of its own on every line.
@@ -283,31 +285,31 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
     gaps = find_slips(y, int(lines[-1]))
     corrupted, gaps = find_corrupted_periods(y, int(lines[-1]), gaps)
     if corrupted.all():
-        return replace(unknown_alignment(len(y), n_samples), sound=~corrupted, corrupted=corrupted)
+        return replace(_unknown_alignment(len(y), n_samples), sound=~corrupted, corrupted=corrupted)
     gaps *= step
-    lag = align_decimated(u, y, lines=lines, step=step, gaps=gaps, corrupted=corrupted)
+    lag = _align_decimated(u, y, lines=lines, step=step, gaps=gaps, corrupted=corrupted)
     if lag.fault or lag.drift:
-        first = first_settled_period(y, int(lines[-1]), (gaps != 0) | corrupted)
+        first = _first_settled_period(y, int(lines[-1]), (gaps != 0) | corrupted)
         if first > len(y) - 2:
-            return unknown_alignment(len(y), n_samples)
+            return _unknown_alignment(len(y), n_samples)
         if first:
-            return prepend_transient_periods(
-                align_decimated(
+            return _prepend_transient_periods(
+                _align_decimated(
                     u[first:], y[first:], lines=lines, step=step, gaps=gaps[first:], corrupted=corrupted[first:]
                 ),
                 first,
             )
     first = int(np.argmax(lag.sound))
     begins = y[max(first - 1, 0)] - y[max(first, 1)]
-    differs = power(begins) > NEGLIGIBLE**2 * power(y[-1])
-    if len(y) > 2 and differs and not (lag.fault or lag.drift or is_modal(np.diff(y, axis=0), max(first - 1, 0))):
+    differs = power(begins) > _NEGLIGIBLE**2 * power(y[-1])
+    if len(y) > 2 and differs and not (lag.fault or lag.drift or _is_modal(np.diff(y, axis=0), max(first - 1, 0))):
         lag = replace(lag, n_unsettled=max(first, 1))
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 
-def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
+def _first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
     A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,). Two
@@ -318,33 +320,33 @@ def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = map(power, np.array_split(one - following, 2))
         if broken[j : j + 2].any() or not (
-            (late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1]))
+            (late < _MAX_BEAT * early and is_transient(Y[j], Y[j + 1]))
             or (
-                MIN_DECAY * late < early
-                and early + late > MIN_EXCESS * noise
-                and modal_share(one - following, noise / one.size) > MODAL_SHARE
+                _MIN_DECAY * late < early
+                and early + late > _MIN_EXCESS * noise
+                and modal_share(one - following, noise / one.size) > _MODAL_SHARE
             )
         ):
             return j
     return len(y) - 1
 
 
-def is_modal(differences: np.ndarray, j: int) -> bool:
+def _is_modal(differences: np.ndarray, j: int) -> bool:
     """Return whether periods differ by a few damped modes, or noise, in row j of their differences (P - 1, N).
 
     Noise is the least that two periods differ by. Modes with a weak cubic spring take rank 8.
     """
     noise = min(map(power, differences))
     return bool(
-        power(differences[j]) < MIN_OVER_NOISE * noise
-        or modal_share(differences[j], noise / differences.shape[1], rank=2 * TRANSIENT_RANK) > SETTLING_SHARE
+        power(differences[j]) < _MIN_OVER_NOISE * noise
+        or modal_share(differences[j], noise / differences.shape[1], rank=2 * TRANSIENT_RANK) > _SETTLING_SHARE
     )
 
 
-def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
+def _unknown_alignment(n_periods: int, n_samples: int) -> _OutputAlignment:
     """Return where the periods tell nothing of a fault."""
     zeros, ones = np.zeros(n_periods), np.ones(n_periods)
-    return OutputAlignment(
+    return _OutputAlignment(
         n_samples=n_samples,
         delay=zeros,
         jumps=zeros,
@@ -359,7 +361,7 @@ def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
     )
 
 
-def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
+def _prepend_transient_periods(lag: _OutputAlignment, n: int) -> _OutputAlignment:
     """Put n periods before those of an alignment, without delay and counted as valid."""
 
     def after(x: np.ndarray, before: float | bool) -> np.ndarray:
@@ -376,9 +378,9 @@ def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
     )
 
 
-def align_decimated(
+def _align_decimated(
     u: np.ndarray, y: np.ndarray, *, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
-) -> OutputAlignment:
+) -> _OutputAlignment:
     """`align_output` for signals of which one sample in so many is left, with such gaps in periods.
 
     Or torn ones (P,).
@@ -386,39 +388,39 @@ def align_decimated(
     n_samples = step * y.shape[1]
     if lines.size > MAX_LINES:
         lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
-    input_side, output = align_periods(u, lines), align_periods(y, lines)
+    input_side, output = _align_periods(u, lines), _align_periods(y, lines)
     whole = (gaps == 0) & ~corrupted
     # a gap was found because both sides of it repeat
     answers = (
         gaps.any()
         or np.count_nonzero(whole) < 2
-        or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
+        or np.mean(_follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
     )
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
-        return unknown_alignment(len(y), n_samples)
+        return _unknown_alignment(len(y), n_samples)
     delay = step * (output.delay - input_side.delay)
-    delay = forward_filled(delay, output.placed)
+    delay = _forward_filled(delay, output.placed)
     slope = 2 * np.pi * lines / n_samples
     weight = np.abs(output.mean) ** 2
     total = float(weight.sum())
     lever = float(np.sum(slope**2 * weight))
     typical = float(np.median(output.rest))
     noise, gain_noise = (
-        alignment_noise_std(weight * by, by, noise_variance=typical / lines.size, n_periods=len(y))
+        _alignment_noise_std(weight * by, by, noise_variance=typical / lines.size, n_periods=len(y))
         for by in (slope**2, np.ones(lines.size))
     )
-    sound = output.rest < max(MAX_UNEXPLAINED * total, 10 * typical)
+    sound = output.rest < max(_MAX_UNEXPLAINED * total, 10 * typical)
     size = np.abs(output.gain)
-    sound &= np.abs(size / np.median(size) - 1) < MAX_LEVEL_CHANGE + SIGMAS * gain_noise
+    sound &= np.abs(size / np.median(size) - 1) < _MAX_LEVEL_CHANGE + _SIGMAS * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
     if whole.any():
         sound &= whole
-    sound, jumps = slips_between_periods(delay, sound, noise=noise, n_samples=n_samples)
+    sound, jumps = _slips_between_periods(delay, sound, noise=noise, n_samples=n_samples)
     shift = delay[sound] - delay[sound].mean()
     Y = output.spectra[sound]
     before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
-    return OutputAlignment(
+    return _OutputAlignment(
         n_samples=n_samples,
         delay=delay - delay[np.argmax(sound)],
         jumps=jumps,
@@ -433,7 +435,7 @@ def align_decimated(
     )
 
 
-def alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int) -> float:
+def _alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int) -> float:
     """Return the standard deviation by noise of the delay, or gain, of a period: of lines (F,) with power `observed`.
 
     The mean of the periods has noise in it too, which tells nothing.
@@ -442,35 +444,35 @@ def alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_varia
     return float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
 
 
-def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
+def _forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
     """Return the delays, where they are not known that of the period before, or of the first that is."""
     at = np.flatnonzero(placed)
     return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
 
 
-def slips_between_periods(
+def _slips_between_periods(
     delay: np.ndarray, sound: np.ndarray, *, noise: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which periods have no gap inside, and the whole samples by which each stands off."""
     at = np.flatnonzero(sound)
     nothing = np.zeros(delay.size)
-    if at.size < 2 or SIGMAS * noise > 0.5:
+    if at.size < 2 or _SIGMAS * noise > 0.5:
         return sound, nothing
     pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
-    pace = 0.0 if abs(pace) > MAX_CLOCK_ERROR * n_samples else pace
+    pace = 0.0 if abs(pace) > _MAX_CLOCK_ERROR * n_samples else pace
     left = delay - pace * np.arange(delay.size)
     difference = left[at] - left[at, None]
-    agree = np.abs(difference - np.round(difference)) < max(0.1, SIGMAS * noise)
+    agree = np.abs(difference - np.round(difference)) < max(0.1, _SIGMAS * noise)
     most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
     left -= left[most]
     whole = np.round(left)
     if not whole[at].any():
         return sound, nothing
-    sound = sound & (np.abs(left - whole) < max(0.1, SIGMAS * noise))
-    return sound, forward_filled(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
+    sound = sound & (np.abs(left - whole) < max(0.1, _SIGMAS * noise))
+    return sound, _forward_filled(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
 
 
-def resample_to_input_clock(y: np.ndarray, lag: OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
 
     Parameters
@@ -496,7 +498,7 @@ def resample_to_input_clock(y: np.ndarray, lag: OutputAlignment, periods: np.nda
 
 
 @value(copy=False)
-class AlignedPeriods:
+class _AlignedPeriods:
     """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
 
     Whether each has more in common with the others than white noise has (P,), and the spectra (P, F) as they were.
@@ -510,7 +512,7 @@ class AlignedPeriods:
     spectra: np.ndarray
 
 
-def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
+def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     """Return the periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
     n_samples = x.shape[1]
     repeats = all(streams_equal(x[-1], one) for one in x[:-1])
@@ -520,7 +522,7 @@ def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
     reference = X[-1]
     # of either sign: what is turned round looks like a period that is late on every line
     sign = np.where(
-        (X @ reference.conj()).real < -OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)), -1.0, 1.0
+        (X @ reference.conj()).real < -_OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)), -1.0, 1.0
     )
     X = X * sign[:, None]
     delay = np.zeros(len(x))
@@ -537,20 +539,22 @@ def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
     others = reference - turned / len(x)  # what a period has in common with itself says nothing
     shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
-    least = chance_correlation(FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
+    least = chance_correlation(_FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
-    return AlignedPeriods(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
+    return _AlignedPeriods(
+        delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X
+    )
 
 
-def follows_input(output: AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
+def _follows_input(output: _AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
     """Return whether each period without a gap has a part in common with the others that noise of no colour has."""
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
     # a delay was looked for in all places, or none was needed
-    return periods_share_a_signal(X, FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
+    return _periods_share_a_signal(X, _FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
 
 
-def periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
+def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     """Return (P,) whether each period has more in common with the others than noise has, but for so small a chance.
 
     Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either
@@ -571,7 +575,7 @@ def periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     windows = X[:, : n_lines // size * size].reshape(n_periods, -1, size)
     free = 1.0
     if size == WINDOW_LINES:
-        smooth = smooth_basis()
+        smooth = _smooth_basis()
         windows = windows - (windows @ smooth) @ smooth.T
         free -= N_POLYNOMIAL / WINDOW_LINES
     total = np.maximum(np.mean(np.abs(windows) ** 2, axis=(0, 2)), TINY)

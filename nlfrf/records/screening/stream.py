@@ -9,25 +9,25 @@ from nlfrf.records.screening.input import clipped_share
 
 # ---- A position that starts again at every turn jumps by a whole turn where it moves by little.
 
-TURNS, COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and of counters, whose numbers are whole
+_TURNS, _COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and of counters, whose numbers are whole
 #: Of a turn: what a position takes at least; its largest step, as above a half its direction is not known; the parts;
 #: the share of samples in the first and last of them where it passes its ends, and over that in the next two; the least
 #: share of each where it turns on and on, in a mean part; and the step from which most jumps are chance, not an end.
-MIN_SPAN, MAX_STEP, PARTS, MIN_EDGE, MAX_PILE, MIN_EVEN, MAX_CROSSING = 0.9, 0.45, 20, 0.03, 3.0, 0.6, 0.25
+_MIN_SPAN, _MAX_STEP, _PARTS, _MIN_EDGE, _MAX_PILE, _MIN_EVEN, _MAX_CROSSING = 0.9, 0.45, 20, 0.03, 3.0, 0.6, 0.25
 #: Largest step, of a turn, of a slow position: raw steps between it and the rest of a turn are then none.
-MAX_SLOW = 0.3
+_MAX_SLOW = 0.3
 #: Steps on either side of a jump that are as large as what a whole turn leaves of it; the share of jumps for which that
 #: holds; and the share of samples at the largest and smallest value, of which a switch or a limit has more.
-NEIGHBOURS, MIN_SMOOTH, MAX_STANDSTILL = 3, 0.9, 0.2
+_NEIGHBOURS, _MIN_SMOOTH, _MAX_STANDSTILL = 3, 0.9, 0.2
 
 
-def find_turn(low: float, high: float, whole: bool) -> float:
+def _find_turn(low: float, high: float, whole: bool) -> float:
     """Return the turn that a position from low to high spans: of an angle, or of a counter if whole; 0 of none."""
-    for turn in (*TURNS, *(2.0**bits for bits in COUNTER_BITS if whole)):
+    for turn in (*_TURNS, *(2.0**bits for bits in _COUNTER_BITS if whole)):
         starts = [
             start for start in (0.0, -turn / 2) if start - 1e-6 * turn <= low and high <= start + turn * (1 + 1e-6)
         ]
-        if starts and MIN_SPAN * turn < high - low:
+        if starts and _MIN_SPAN * turn < high - low:
             return turn
     return 0.0
 
@@ -41,8 +41,8 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
         A position that turns so fast that its direction is not known.
     """
     low, high = float(x.min()), float(x.max())
-    whole = high - low > MIN_SPAN * 2 ** COUNTER_BITS[0] and np.array_equal(x, np.round(x))
-    if not (turn := find_turn(low, high, whole)):
+    whole = high - low > _MIN_SPAN * 2 ** _COUNTER_BITS[0] and np.array_equal(x, np.round(x))
+    if not (turn := _find_turn(low, high, whole)):
         return x
     steps = np.diff(x)
     jumps = np.flatnonzero(np.abs(steps) > turn / 2)
@@ -51,13 +51,13 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
     steps -= turn * np.round(steps / turn)
     size = np.abs(steps)
     # where a step is taken for one of the other direction, it changes by a whole turn against those around it
-    fast = size.max() > MAX_STEP * turn and np.abs(np.diff(steps)).max(initial=0.0) > turn / 2
-    share = np.histogram(x, PARTS, (low, high))[0] / x.size
+    fast = size.max() > _MAX_STEP * turn and np.abs(np.diff(steps)).max(initial=0.0) > turn / 2
+    share = np.histogram(x, _PARTS, (low, high))[0] / x.size
     ends = share[[0, -1]].sum()
-    stands = np.mean((x == low) | (x == high)) > MAX_STANDSTILL or clipped_share(x) > 0
-    if fast and not stands and MIN_EDGE < ends < MAX_PILE * share[[1, -2]].sum() and jumps.size > x.size / 100:
+    stands = np.mean((x == low) | (x == high)) > _MAX_STANDSTILL or clipped_share(x) > 0
+    if fast and not stands and _MIN_EDGE < ends < _MAX_PILE * share[[1, -2]].sum() and jumps.size > x.size / 100:
         found = f"{jumps.size} jumps, and steps up to {size.max():.3g} without those of a whole turn of {turn:g}"
-        if share.min() > MIN_EVEN / PARTS:
+        if share.min() > _MIN_EVEN / _PARTS:
             raise ValueError(
                 f"{name} must move by less than half a turn from sample to sample to be unwrapped, got {found}. Record "
                 "it unwrapped, or sample faster"
@@ -65,15 +65,15 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
         data_warning(
             f"{name} has {found}. Where it is a position that wraps, record it unwrapped; it was left as it is"
         )
-    around = jumps[:, None] + np.delete(np.arange(-NEIGHBOURS, NEIGHBOURS + 1), NEIGHBOURS)
+    around = jumps[:, None] + np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
     left, quantum, others = size[jumps], size[size > 0].min(initial=turn), np.delete(size, jumps)
     # a position that moves slowly has no step of about half a turn, and those of its jumps are as large as the others
-    slow = size.max() <= MAX_SLOW * turn and np.median(left) <= 2 * np.quantile(others, 0.9) + quantum
+    slow = size.max() <= _MAX_SLOW * turn and np.median(left) <= 2 * np.quantile(others, 0.9) + quantum
     size[jumps] = 0.0
     smooth = np.count_nonzero(left <= 2 * size.take(around, mode="clip").max(axis=1) + quantum)
     # what is as wide as a turn by chance makes its largest steps far from the ends
-    by_chance = ends < MIN_EDGE and np.count_nonzero(left > MAX_CROSSING * turn) > jumps.size / 2
-    if fast or not (slow or smooth > MIN_SMOOTH * jumps.size) or by_chance or stands:
+    by_chance = ends < _MIN_EDGE and np.count_nonzero(left > _MAX_CROSSING * turn) > jumps.size / 2
+    if fast or not (slow or smooth > _MIN_SMOOTH * jumps.size) or by_chance or stands:
         return x
     data_warning(
         f"{name} wraps at a turn of {turn:.6g}: {format_count(jumps.size, 'jump')} by a whole turn, the first at "
@@ -87,7 +87,7 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
 
 #: Part of a period that is silent at least; noise in it over the level; peak to peak over the level of random phases;
 #: over the noise, from where a sample belongs to the excitation; and the share of such samples one period later.
-QUIET_PART, QUIET, PEAK_TO_PEAK, QUIET_SIGMAS, MIN_AWAY = 8, 0.1, 8.0, 6.0, 0.1
+_QUIET_PART, _QUIET, _PEAK_TO_PEAK, _QUIET_SIGMAS, _MIN_AWAY = 8, 0.1, 8.0, 6.0, 0.1
 
 
 def excited_span(u: np.ndarray, n_samples: int) -> slice:
@@ -99,19 +99,19 @@ def excited_span(u: np.ndarray, n_samples: int) -> slice:
     >>> excited_span(np.concatenate([np.zeros(130), u, np.zeros(70)]), 100)
     slice(130, 430, None)
     """
-    return slice(leading_silence(u, n_samples), u.size - leading_silence(u[::-1], n_samples))
+    return slice(_leading_silence(u, n_samples), u.size - _leading_silence(u[::-1], n_samples))
 
 
-def leading_silence(u: np.ndarray, n_samples: int) -> int:
+def _leading_silence(u: np.ndarray, n_samples: int) -> int:
     """Return how many samples are silent before an excitation; 0 where that is usual in a period of it."""
-    quiet = u[: max(n_samples // QUIET_PART, 4)]
-    level, noise = float(np.ptp(u)) / PEAK_TO_PEAK, float(np.std(quiet))
-    if u.size < 2 * n_samples or noise > QUIET * level:
+    quiet = u[: max(n_samples // _QUIET_PART, 4)]
+    level, noise = float(np.ptp(u)) / _PEAK_TO_PEAK, float(np.std(quiet))
+    if u.size < 2 * n_samples or noise > _QUIET * level:
         return 0
-    least = QUIET_SIGMAS * noise + 1e-9 * level
+    least = _QUIET_SIGMAS * noise + 1e-9 * level
     away = np.abs(u - quiet.mean()) > least
     begin = int(np.argmax(away))
-    if begin < quiet.size or np.mean(away[max(n_samples, begin) :][: min(begin, n_samples)]) < MIN_AWAY:
+    if begin < quiet.size or np.mean(away[max(n_samples, begin) :][: min(begin, n_samples)]) < _MIN_AWAY:
         return 0
     # what is as small one period later may as well belong to it
     differs = np.abs(u[n_samples : n_samples + begin] - u[:begin][: u.size - n_samples]) > 2**0.5 * least
@@ -122,9 +122,9 @@ def leading_silence(u: np.ndarray, n_samples: int) -> int:
 
 #: Samples that show the median; share of all that are no outliers for sure; how far beyond these outliers are, and
 #: beyond the largest of all others; and their share at most.
-SAMPLES_FOR_LEVEL, BODY, MIN_OVER_BODY, OUTLIER_RATIO, MAX_OUTLIERS = 1 << 16, 0.9, 4.0, 2.0, 0.05
+_SAMPLES_FOR_LEVEL, _BODY, _MIN_OVER_BODY, _OUTLIER_RATIO, _MAX_OUTLIERS = 1 << 16, 0.9, 4.0, 2.0, 0.05
 #: Share of the periods in more than which a peak of the signal itself is seen.
-MOST_PERIODS = 0.7
+_MOST_PERIODS = 0.7
 
 
 def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndarray, float]:
@@ -138,19 +138,19 @@ def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndar
     array([120])
     """
     none = np.zeros(0, dtype=int)
-    some = y[:: -(-y.size // SAMPLES_FOR_LEVEL)]
+    some = y[:: -(-y.size // _SAMPLES_FOR_LEVEL)]
     middle = float(np.median(some))
-    body = float(np.quantile(np.abs(some - middle), BODY))
-    if not 0 < MIN_OVER_BODY * body < max(float(y.max()) - middle, middle - float(y.min())) or has_pulses(u):
+    body = float(np.quantile(np.abs(some - middle), _BODY))
+    if not 0 < _MIN_OVER_BODY * body < max(float(y.max()) - middle, middle - float(y.min())) or _has_pulses(u):
         return none, np.inf
     distance = np.abs(y - middle)
     beyond = np.sort(np.append(distance[distance > body], body))
     k = int(np.argmax(beyond[1:] / beyond[:-1]))
     outliers = np.flatnonzero(distance > beyond[k])
     times = np.unique(outliers % n_samples, return_counts=True)[1]  # that a sample of the period is an outlier
-    repeated = times[times > max(1, MOST_PERIODS * (y.size // n_samples))].sum()
-    few = outliers.size < MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
-    return (outliers, float(beyond[k])) if few and beyond[k + 1] > OUTLIER_RATIO * beyond[k] else (none, np.inf)
+    repeated = times[times > max(1, _MOST_PERIODS * (y.size // n_samples))].sum()
+    few = outliers.size < _MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
+    return (outliers, float(beyond[k])) if few and beyond[k + 1] > _OUTLIER_RATIO * beyond[k] else (none, np.inf)
 
 
 def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> bool:
@@ -171,24 +171,24 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
 
 #: From the lowest to the highest sample over the rms, of a multisine 5 to 8; share of the samples that pulses take, and
 #: of the highest above which they do; samples, and share of the height, by which pulses of a generator may differ.
-HIT_CREST, HIT_SHARE, HIT_HEIGHT, SAME_TIME, SAME_HEIGHT = 10.0, 0.03, 0.3, 2, 0.1
+_HIT_CREST, _HIT_SHARE, _HIT_HEIGHT, _SAME_TIME, _SAME_HEIGHT = 10.0, 0.03, 0.3, 2, 0.1
 
 
-def has_pulses(u: np.ndarray) -> bool:
+def _has_pulses(u: np.ndarray) -> bool:
     """Return whether a signal (n,) has higher peaks than random phases make."""
-    return bool(np.ptp(u) ** 2 > HIT_CREST**2 * (np.vdot(u, u) / u.size - (np.add.reduce(u) / u.size) ** 2))
+    return bool(np.ptp(u) ** 2 > _HIT_CREST**2 * (np.vdot(u, u) / u.size - (np.add.reduce(u) / u.size) ** 2))
 
 
 def warn_of_hits(name: str, u: np.ndarray) -> None:
     """Warn of an excitation (n,) of short pulses that do not repeat in time and height."""
-    if not has_pulses(u):
+    if not _has_pulses(u):
         return
     height = np.abs(u - np.median(u))
-    high = np.flatnonzero(height > HIT_HEIGHT * height.max())
-    first = np.flatnonzero(np.diff(high, prepend=-u.size) > HIT_SHARE * u.size / high.size)
+    high = np.flatnonzero(height > _HIT_HEIGHT * height.max())
+    first = np.flatnonzero(np.diff(high, prepend=-u.size) > _HIT_SHARE * u.size / high.size)
     at, size = high[first], np.maximum.reduceat(height[high], first)
     repeats = any(  # with so many pulses in a period
-        np.ptp(at[m:] - at[:-m]) <= SAME_TIME and np.abs(size[m:] / size[:-m] - 1).max() < SAME_HEIGHT
+        np.ptp(at[m:] - at[:-m]) <= _SAME_TIME and np.abs(size[m:] / size[:-m] - 1).max() < _SAME_HEIGHT
         for m in range(1, at.size // 2 + 1)
     )
     if high.size == 1 and np.median(height) > 0:
@@ -196,7 +196,7 @@ def warn_of_hits(name: str, u: np.ndarray) -> None:
             f"{name} has a pulse of one sample that does not repeat, an outlier of {u[at[0]]:.6g} at sample {at[0]}: "
             "it adds the same error to all lines; mend the file, or leave that period out"
         )
-    if at.size > 1 and high.size < HIT_SHARE * u.size and not repeats:
+    if at.size > 1 and high.size < _HIT_SHARE * u.size and not repeats:
         data_warning(
             f"{name} looks like {at.size} hits of a hammer: pulses in {100 * high.size / u.size:.2g} % of the samples "
             "that repeat neither in time nor in height. They are no periods, and do not separate distortion from "

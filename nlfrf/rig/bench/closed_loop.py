@@ -39,9 +39,9 @@ from nlfrf.rig.laws.laws import UserLawData, pack_law
 
 #: Halvings of the step after which a loop that still runs away counts as diverged.
 MAX_HALVINGS = 6
-MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
-UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
+_MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
+_MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
+_UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 
 @value(kw_only=False)
@@ -124,7 +124,7 @@ class Controller:
 
     def limits(self, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Return (n_outputs,) saturations and (n_inputs,) resolutions, checked."""
-        return broadcast_limit("saturation", self.saturation, n_outputs), broadcast_limit(
+        return _broadcast_limit("saturation", self.saturation, n_outputs), _broadcast_limit(
             "resolution", self.resolution, n_inputs
         )
 
@@ -154,17 +154,17 @@ def run_axes_loop(
     late = min(controller.delay * fs, n)  # all later is after the end
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
         numbers = fs, *controller.limits(rig.n_outputs, rig.n_inputs), late, steps * 2**halving
-        length, found, lost = run_axes_once(
+        length, found, lost = _run_axes_once(
             rig, K, r=np.ascontiguousarray(r.T), signals=samples, begin=begin, numbers=numbers
         )
         if length == n:
             break
     warn_of_forgotten_loops(lost)
-    traces = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in UNITS if name != "r"}
-    return Trajectory(t=np.arange(length) / fs, signals=traces, units=UNITS, diverged=length < n)
+    traces = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in _UNITS if name != "r"}
+    return Trajectory(t=np.arange(length) / fs, signals=traces, units=_UNITS, diverged=length < n)
 
 
-def run_axes_once(
+def _run_axes_once(
     rig: Rig,
     controller: list[np.ndarray],
     *,
@@ -199,7 +199,7 @@ def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
     return memory
 
 
-def broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
+def _broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
     """Return (n,) limits from one for all channels or one for each; a saturation may be infinite, a resolution zero."""
     if np.ndim(given) > 0 and np.shape(given) != (n,):
         raise ValueError(f"{name} must be one number or {n}, one a channel, got shape {np.shape(given)}")
@@ -234,7 +234,7 @@ Result = TypeVar("Result")
 
 
 @value(copy=False)
-class LoopRuns:
+class _LoopRuns:
     """Runs of sampled loops around one rig.
 
     Fields
@@ -258,29 +258,29 @@ class LoopRuns:
         """Number of runs, and of samples of each."""
         return max(map(len, self.rows.values())), self.rows["r"].shape[1]
 
-    def select_runs(self, chosen: np.ndarray | slice, steps: int) -> LoopRuns:
+    def select_runs(self, chosen: np.ndarray | slice, steps: int) -> _LoopRuns:
         """Return some of the runs, with other steps."""
         rows = {name: part if len(part) == 1 else part[chosen] for name, part in self.rows.items()}
         return replace(self, steps=steps, rows=rows)
 
 
-def simulate_runs(runs: LoopRuns) -> dict[str, np.ndarray]:
+def simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
     """rows (R, n, 5) of x, v, y, u and friction at each sample, lengths up to where a run ran away, loops lost.
 
     What does not reach the end is run again with shorter steps, before it is believed.
     """
-    found = attempt(runs)
+    found = _attempt(runs)
     for halving in range(1, MAX_HALVINGS + 1):
         short = np.flatnonzero(found["lengths"] < runs.shape[1])
         if not short.size:
             break
-        again = attempt(runs.select_runs(short, runs.steps * 2**halving))
+        again = _attempt(runs.select_runs(short, runs.steps * 2**halving))
         for name, part in again.items():
             found[name][short] = part
     return found
 
 
-def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
+def _attempt(runs: _LoopRuns) -> dict[str, np.ndarray]:
     """One call of the compiled code for all runs."""
     n_runs, n = runs.shape
     law, grid = pack_law(runs.rig.friction)
@@ -299,7 +299,7 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     if isinstance(law, UserLawData):
         stacks[:, 0, : law.functions.rest.size] = law.functions.rest
     rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
-    loops_kernel(law)(
+    _loops_kernel(law)(
         body,
         packing.Law(*law),
         np.array(grid),
@@ -314,7 +314,7 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     return {"rows": rows, "lengths": lengths, "lost": states[:, packing.LOST].copy()}
 
 
-def loops_kernel(law: packing.Law) -> Callable[..., None]:
+def _loops_kernel(law: packing.Law) -> Callable[..., None]:
     """Return the compiled loops around a law."""
     if isinstance(law, UserLawData):
         from nlfrf.rig.kernels.loops import user_law_loops
@@ -325,29 +325,29 @@ def loops_kernel(law: packing.Law) -> Callable[..., None]:
     return run_loops
 
 
-def reduce_runs(of: Callable[[Trajectory], object], runs: LoopRuns) -> dict[str, Any]:
+def _reduce_runs(of: Callable[[Trajectory], object], runs: _LoopRuns) -> dict[str, Any]:
     """Simulate loops and return `of(response)` of each, so that little travels between processes."""
     out = simulate_runs(runs)
     try:
-        return {"found": collect_results(runs, out, of), "lost": out["lost"]}
-    except Exception as error:  # an error of the function, not of the executor: raised in `collect_results`
+        return {"found": _collect_results(runs, out, of), "lost": out["lost"]}
+    except Exception as error:  # an error of the function, not of the executor: raised in `_collect_results`
         return {"refused": error, "lost": out["lost"]}
 
 
-def collect_results(runs: LoopRuns, out: dict[str, Any], of: Callable[[Trajectory], object] | None) -> list[object]:
+def _collect_results(runs: _LoopRuns, out: dict[str, Any], of: Callable[[Trajectory], object] | None) -> list[object]:
     """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"]
-    return out["found"] if "found" in out else [one if of is None else of(one) for one in to_trajectories(runs, out)]
+    return out["found"] if "found" in out else [one if of is None else of(one) for one in _to_trajectories(runs, out)]
 
 
-def to_trajectories(runs: LoopRuns, out: Arrays) -> list[Trajectory]:
+def _to_trajectories(runs: _LoopRuns, out: Arrays) -> list[Trajectory]:
     """Return the output of the compiled code as trajectories; arrays end where a loop diverged."""
     found, t = [], np.arange(runs.shape[1]) / runs.fs
     for r, rows, n in zip(np.broadcast_to(runs.rows["r"], runs.shape), out["rows"], out["lengths"], strict=True):
         x, v, y, u, friction = rows[:n].T.copy()
         signals = {"r": r[:n], "u": u, "x": x, "v": v, "y": y, "friction": friction}
-        found.append(Trajectory(t=t[:n], signals=signals, units=UNITS, diverged=bool(n < r.size)))
+        found.append(Trajectory(t=t[:n], signals=signals, units=_UNITS, diverged=bool(n < r.size)))
     return found
 
 
@@ -376,10 +376,10 @@ def run_one_loop(
     runs = stack_runs(rig, [controller], {"r": r[None], **rows, "initial": begin}, steps=steps)
     out = simulate_runs(runs)
     warn_of_forgotten_loops(float(out["lost"].max()))
-    return to_trajectories(runs, out)[0]
+    return _to_trajectories(runs, out)[0]
 
 
-class StackOptions(TypedDict, total=False):
+class _StackOptions(TypedDict, total=False):
     """How a stack of loops is driven and computed, by the names of the arguments of `run_loops`."""
 
     disturbance: ArrayLike | None
@@ -392,12 +392,12 @@ class StackOptions(TypedDict, total=False):
 
 
 @overload
-def run_loops(rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[StackOptions]) -> list[Trajectory]: ...
+def run_loops(rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[_StackOptions]) -> list[Trajectory]: ...
 
 
 @overload
 def run_loops(
-    rig: Rig, r: ArrayLike, controllers: object, *, of: Callable[[Trajectory], Result], **options: Unpack[StackOptions]
+    rig: Rig, r: ArrayLike, controllers: object, *, of: Callable[[Trajectory], Result], **options: Unpack[_StackOptions]
 ) -> list[Result]: ...
 
 
@@ -483,19 +483,19 @@ def run_loops(
         },
         steps=oversampling,
     )
-    most = max(1, MAX_BATCH_SAMPLES // n)
+    most = max(1, _MAX_BATCH_SAMPLES // n)
     batches = [runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)]
     # what a folder keeps are the runs themselves, whatever is wanted of them
     there = of is not None and executor is not None and resume is None and can_pickle(of)
-    task = partial(reduce_runs, of) if of is not None and there else simulate_runs
+    task = partial(_reduce_runs, of) if of is not None and there else simulate_runs
     found: dict[int, list[object]] = {}
     for i, out in run_each(task, batches, executor=executor, progress=progress, resume=resume):
         warn_of_forgotten_loops(float(out["lost"].max()))
-        found[i] = collect_results(batches[i], out, of)
+        found[i] = _collect_results(batches[i], out, of)
     return cast("list[Result]", [one for i in range(len(batches)) for one in found[i]])
 
 
-def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> LoopRuns:
+def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> _LoopRuns:
     """Check the arguments and stack them with one row a run; controllers of fewer states are padded by zeros.
 
     given holds rows of r, disturbance, noise and initial, each once or one a run.
@@ -515,9 +515,9 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
     size = max(len(one) for one in A)
     limits = np.array([one.limits() for one in controllers])[:, :, 0]
     rows: dict[str, np.ndarray] = {
-        "A": stack_padded(A, (size, size)),
-        "B": stack_padded([one[:, 0] for one in B], (size,)),
-        "C": stack_padded([one[0] for one in C], (size,)),
+        "A": _stack_padded(A, (size, size)),
+        "B": _stack_padded([one[:, 0] for one in B], (size,)),
+        "C": _stack_padded([one[0] for one in C], (size,)),
         "D": np.array([one[0, 0] for one in D]),
         "r": given["r"],
         "disturbance": given["disturbance"],
@@ -527,10 +527,10 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
         "resolution": limits[:, 1],
         "initial": initial,
     }
-    return LoopRuns(rig=rig, fs=fs, steps=steps_per_sample(rig, fs, steps), rows=rows)
+    return _LoopRuns(rig=rig, fs=fs, steps=steps_per_sample(rig, fs, steps), rows=rows)
 
 
-def stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+def _stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     """Stack arrays to (n, *shape), smaller ones padded by zeros at their ends."""
     rows = np.zeros((len(parts), *shape))
     for row, part in zip(rows, parts, strict=True):
@@ -541,9 +541,9 @@ def stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndar
 def steps_per_sample(rig: Rig, fs: float, oversampling: int) -> int:
     """Return the integration steps per sample: `oversampling`, or more where the rig needs them."""
     needed = int(np.ceil(1 / (fs * rig.stable_step)))
-    if needed > MAX_STEPS_PER_SAMPLE:
+    if needed > _MAX_STEPS_PER_SAMPLE:
         raise ValueError(
-            f"fs must leave the rig at most {MAX_STEPS_PER_SAMPLE} integration steps a sample, got {fs:g} Hz with "
+            f"fs must leave the rig at most {_MAX_STEPS_PER_SAMPLE} integration steps a sample, got {fs:g} Hz with "
             f"{needed}: its stable step is {rig.stable_step:.2g} s"
         )
     return max(require_integer("oversampling", oversampling, least=1), needed)

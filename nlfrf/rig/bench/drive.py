@@ -26,14 +26,14 @@ from nlfrf._base.units import parse_gain_unit, position_factor
 from nlfrf._base.values import ArrayField, freeze_array, value
 
 
-class FilterSlot(Protocol):
+class _FilterSlot(Protocol):
     """What runs in a filter slot of a drive: `Notch`, `LowPass` and `Biquad` of `robust.tuning` do."""
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1."""
 
 
-class Scale(NamedTuple):
+class _Scale(NamedTuple):
     """Unit of a measured position, and how many m or rad of the velocity loop it is."""
 
     unit: str
@@ -145,7 +145,7 @@ class Drive:
             raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
         require_integer("position_every", self.position_every, least=1)
         require_choice("encoder", self.encoder, ("motor", "load", "both"))
-        object.__setattr__(self, "filters", filter_slots(self.filters))
+        object.__setattr__(self, "filters", _filter_slots(self.filters))
         _ = self.sections  # refuses a filter beyond half the sampling frequency
         _ = self.load_scale  # refuses units and factors that do not fit
 
@@ -156,19 +156,19 @@ class Drive:
         return np.array(slots, dtype=float).reshape(-1, 6)
 
     @property
-    def position_scale(self) -> Scale:
+    def position_scale(self) -> _Scale:
         """Return unit of the measured position, of the motor with two encoders."""
         unit = self.position_unit or self.base_unit
-        return Scale(unit, scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
+        return _Scale(unit, _scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
 
     @property
-    def load_scale(self) -> Scale:
+    def load_scale(self) -> _Scale:
         """Return unit of the measured position of the load."""
         position = self.position_scale
         unit = self.load_unit or position.unit
         if np.isnan(self.load_factor) and unit == position.unit:
             return position
-        return Scale(unit, scale_factor("load_factor", self.load_factor, unit, self.base_unit))
+        return _Scale(unit, _scale_factor("load_factor", self.load_factor, unit, self.base_unit))
 
     @property
     def velocity_from(self) -> str:
@@ -248,7 +248,7 @@ class Drive:
         return "\n".join(rows)
 
 
-def filter_slots(given: object) -> tuple[FilterSlot | np.ndarray, ...]:
+def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
     """Return filters as a tuple of elements and of sections, or a refusal."""
     if isinstance(given, tuple | list) and all(hasattr(one, "section") for one in given):
         return tuple(given)
@@ -261,6 +261,6 @@ def filter_slots(given: object) -> tuple[FilterSlot | np.ndarray, ...]:
     return tuple(freeze_array(one) for one in sections)
 
 
-def scale_factor(name: str, given: float, unit: str, base: str) -> float:
+def _scale_factor(name: str, given: float, unit: str, base: str) -> float:
     """Return how many base units one unit is: as it was given, or as its name says."""
     return position_factor(name, unit, base) if np.isnan(given) else given

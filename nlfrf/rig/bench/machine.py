@@ -17,7 +17,7 @@ from nlfrf.rig.laws.laws import Friction, pack_law
 Laws = Sequence[Friction | None]
 FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sensors", "inputs", "outputs")
 #: Rounding of a matrix that was computed: numbers smaller than this share of its largest one count as zero.
-SYMMETRY_TOLERANCE = 1e-9
+_SYMMETRY_TOLERANCE = 1e-9
 
 
 def check_axes(given: Mapping[str, object]) -> dict[str, object]:
@@ -26,28 +26,28 @@ def check_axes(given: Mapping[str, object]) -> dict[str, object]:
     n = len(mass)
     if mass.shape != (n, n) or n == 0:
         raise ValueError(f"mass must be a number or a square matrix, got shape {mass.shape}")
-    require_definite("mass", mass, least=SYMMETRY_TOLERANCE)
+    _require_definite("mass", mass, least=_SYMMETRY_TOLERANCE)
     found = {"mass": mass}
     for name in ("stiffness", "damping"):
         none = np.asarray(given[name]).ndim == 0 and given[name] == 0
-        found[name] = np.zeros((n, n)) if none else require_square(name, given[name], n)
-    require_definite("stiffness", found["stiffness"], least=-SYMMETRY_TOLERANCE)
+        found[name] = np.zeros((n, n)) if none else _require_square(name, given[name], n)
+    _require_definite("stiffness", found["stiffness"], least=-_SYMMETRY_TOLERANCE)
     # the part that is not symmetric is gyroscopic: it takes no energy
-    require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-SYMMETRY_TOLERANCE)
+    _require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-_SYMMETRY_TOLERANCE)
     if given["cubic"] is not None:
-        found["cubic"] = require_square("cubic", given["cubic"], n)
-        require_symmetric("cubic", found["cubic"])
+        found["cubic"] = _require_square("cubic", given["cubic"], n)
+        _require_symmetric("cubic", found["cubic"])
         if found["cubic"].min() < 0:
             raise ValueError(f"cubic must hold springs of zero or positive stiffness, got {found['cubic'].min():g}")
     for name, axis in (("actuators", 0), ("sensors", 1)):
-        found[name] = placement_matrix(name, given[name], n=n, axis=axis)
+        found[name] = _placement_matrix(name, given[name], n=n, axis=axis)
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     names = {
         name: channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
         for name, (letter, count) in channels.items()
     }
     frozen = {name: freeze_array(part) for name, part in found.items()}
-    return {**frozen, **names, "friction": check_laws(given["friction"], n)}
+    return {**frozen, **names, "friction": _check_laws(given["friction"], n)}
 
 
 def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
@@ -61,7 +61,7 @@ def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
+def _check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     """Check that there is a law or None for each axis."""
     if not isinstance(friction, (list, tuple)) or len(friction) != n:
         got = f"{len(friction)}" if isinstance(friction, (list, tuple)) else type(friction).__name__
@@ -74,14 +74,14 @@ def check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     return tuple(friction)
 
 
-def require_square(name: str, matrix: object, n: int) -> np.ndarray:
+def _require_square(name: str, matrix: object, n: int) -> np.ndarray:
     """Return an (n, n) matrix as an array."""
     if (shape := np.asarray(matrix).shape) != (n, n):
         raise ValueError(f"{name} must have the shape of mass, ({n}, {n}), got shape {shape}")
     return require_real_array(name, matrix, ndim=2)
 
 
-def placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndarray:
+def _placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndarray:
     """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis of the machine."""
     if given is None:
         return np.eye(n)
@@ -93,16 +93,16 @@ def placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndarr
     return matrix
 
 
-def require_symmetric(name: str, matrix: np.ndarray) -> None:
+def _require_symmetric(name: str, matrix: np.ndarray) -> None:
     """Refuse a matrix that is not its own transpose."""
     off = np.abs(matrix - matrix.T).max()
-    if off > SYMMETRY_TOLERANCE * np.abs(matrix).max():
+    if off > _SYMMETRY_TOLERANCE * np.abs(matrix).max():
         raise ValueError(f"{name} must be symmetric, got a matrix that differs from its transpose by up to {off:.3g}")
 
 
-def require_definite(name: str, matrix: np.ndarray, *, least: float) -> None:
+def _require_definite(name: str, matrix: np.ndarray, *, least: float) -> None:
     """Refuse a matrix that is not symmetric, or has an eigenvalue below `least` times its largest number."""
-    require_symmetric(name, matrix)
+    _require_symmetric(name, matrix)
     values = np.linalg.eigvalsh(matrix)
     if values[0] < least * np.abs(matrix).max() or (least > 0 and values[0] <= 0):
         kind = "definite" if least > 0 else "semidefinite"

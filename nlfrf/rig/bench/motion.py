@@ -22,7 +22,7 @@ from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.integration import integrate
 from nlfrf.rig.laws.laws import Friction, pack_law
 
-UNITS = {"x": "m", "v": "m/s", "z": "m", "friction": "N"}
+_UNITS = {"x": "m", "v": "m/s", "z": "m", "friction": "N"}
 
 
 def run_rig(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int, hold: str) -> Trajectory:
@@ -34,7 +34,7 @@ def run_rig(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int, hold: s
     warn_of_coarse_step(rig.poles(1.0), fs, oversampling)
 
     def integrate_at(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory, drive = initial_memory(rig), force_at_substeps(samples, steps, hold)
+        memory, drive = initial_memory(rig), _force_at_substeps(samples, steps, hold)
         return integrate_rig(rig, memory, drive=drive, h=1 / (fs * steps), substeps=steps), memory
 
     return _move(integrate_at, samples, fs=fs, oversampling=oversampling, unit="N")
@@ -49,7 +49,7 @@ def run_law(friction: Friction, v: ArrayLike, *, fs: float, oversampling: int) -
     body = packing.Body(True, 1.0, 0.0, 0.0)
 
     def integrate_at(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory, drive = packing.initial_memory(law.curve, grid), force_at_substeps(velocity, steps, "linear")
+        memory, drive = packing.initial_memory(law.curve, grid), _force_at_substeps(velocity, steps, "linear")
         return integrate(body, law, grid=grid, memory=memory, drive=drive, h=1 / (fs * steps), substeps=steps), memory
 
     return _move(integrate_at, velocity, fs=fs, oversampling=oversampling, unit="m/s")
@@ -68,11 +68,11 @@ def _move(
     if out is None:
         raise unstable_step_error(fs, oversampling, lambda steps: integrate_at(steps)[0] is not None)
     warn_of_forgotten_loops(memory.state[..., packing.LOST].sum())
-    signals = {"drive": drive.copy()} | dict(zip(UNITS, np.moveaxis(out, 0, -1), strict=True))
-    return Trajectory(t=np.arange(drive.shape[-1]) / fs, signals=signals, units={"drive": unit} | UNITS)
+    signals = {"drive": drive.copy()} | dict(zip(_UNITS, np.moveaxis(out, 0, -1), strict=True))
+    return Trajectory(t=np.arange(drive.shape[-1]) / fs, signals=signals, units={"drive": unit} | _UNITS)
 
 
-def force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
+def _force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
     """Return the force at begin, middle and end of each integration step, (n oversampling, 3) or (.., 3, n_u).
 
     samples (n,) or (n_u, n) are interpolated with hold "linear", the last one held, and held one period otherwise.

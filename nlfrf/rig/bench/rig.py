@@ -23,12 +23,12 @@ from nlfrf.rig.laws.integration import integrate
 from nlfrf.rig.laws.laws import Leuven, LuGre, pack_law
 
 #: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
-RUNGE_KUTTA_REAL_LIMIT = 2.785
+_RUNGE_KUTTA_REAL_LIMIT = 2.785
 #: Relative error at the resonance of the stuck rig above which a step is called coarse.
-MAX_RESONANCE_ERROR = 0.01
+_MAX_RESONANCE_ERROR = 0.01
 
 
-def longest_step(pole: complex) -> float:
+def _longest_step(pole: complex) -> float:
     """Return the longest step [s] with which the Runge-Kutta method of order 4 keeps the mode of a pole from growing.
 
     inf for a pole at zero, and for an unstable one, which grows with every step.
@@ -77,8 +77,8 @@ def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None
         return
     # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
     shift = np.max(np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120)
-    if shift > MAX_RESONANCE_ERROR:
-        enough = int(np.ceil(oversampling * (shift / MAX_RESONANCE_ERROR) ** 0.25))
+    if shift > _MAX_RESONANCE_ERROR:
+        enough = int(np.ceil(oversampling * (shift / _MAX_RESONANCE_ERROR) ** 0.25))
         warnings.warn(
             f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
             f"Take an oversampling of {enough}",
@@ -189,13 +189,13 @@ class Rig:
     def stable_step(self) -> float:
         """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
-        limits = [longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
+        limits = [_longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
         for friction in self.friction if self.several else (self.friction,):
             if friction is None:
                 continue
             law, _ = pack_law(friction)
             if law.form == packing.GMS:  # a slipping element relaxes to the Stribeck curve with the rate C / Fc
-                limits.append(RUNGE_KUTTA_REAL_LIMIT * law.Fc / law.n)
+                limits.append(_RUNGE_KUTTA_REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
 

@@ -45,12 +45,12 @@ from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
 from nlfrf.signals.multisine import Multisine, require_one_input
 
-MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
-PRESETS = ("linear motor", "belt", "ball screw", "joint")
+_MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
+_PRESETS = ("linear motor", "belt", "ball screw", "joint")
 #: Share of samples in which a current limit, or a reversal in motion, is not worth a word.
-SELDOM = 1e-3
+_SELDOM = 1e-3
 #: Change from one period to the next, of the rms of the position, that is called unsettled.
-UNSETTLED = 1e-2
+_UNSETTLED = 1e-2
 
 
 @value
@@ -113,7 +113,7 @@ class ServoAxis:
         require_kind("drive", self.drive, Drive)
         for name in ("motor_damping", "load_inertia", "load_damping", "stiffness", "damping", "spring", "resolution"):
             require_nonnegative(name, getattr(self, name))
-        require_choice("motion", self.motion, tuple(MOTIONS))
+        require_choice("motion", self.motion, tuple(_MOTIONS))
         self.drive.output_factor(
             self.units[1]
         )  # refuses units of another motion, and a torque constant that is missing
@@ -134,7 +134,7 @@ class ServoAxis:
     @property
     def units(self) -> tuple[str, str]:
         """Units of position and force."""
-        return MOTIONS[self.motion]
+        return _MOTIONS[self.motion]
 
     @property
     def encoder(self) -> str:
@@ -199,14 +199,14 @@ def run_axis(
     begin = initial_axes(initial, axis.rig.n_axes)
     steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
-        trace, lost = attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
+        trace, lost = _attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
         if not trace.diverged:
             break
     warn_of_forgotten_loops(lost)
     return trace
 
 
-def attempt(
+def _attempt(
     axis: ServoAxis, signals: dict[str, np.ndarray], *, closed: bool, begin: np.ndarray, steps: int
 ) -> tuple[Trajectory, float]:
     """Call the compiled code once; the trace as far as it went, and how many hysteresis loops were forgotten."""
@@ -277,7 +277,7 @@ def attempt(
 
 
 @value
-class ServoExperiment:
+class _ServoExperiment:
     """One realisation of a multisine on an axis: all that a worker needs."""
 
     axis: ServoAxis
@@ -368,7 +368,7 @@ def simulate_servo(
     """
     require_kind("axis", axis, ServoAxis)
     require_one_input(ms)
-    experiment = ServoExperiment(
+    experiment = _ServoExperiment(
         axis=axis,
         ms=ms,
         port=require_choice("port", port, PORTS),
@@ -390,20 +390,20 @@ def simulate_servo(
     if base_velocity and n_discard < 1:
         raise ValueError("n_discard must be at least 1 in motion, to get up to speed, got 0")
     runs = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
-    found = run_all(run_experiment, runs, executor=executor, progress=progress, resume=resume)
+    found = run_all(_run_experiment, runs, executor=executor, progress=progress, resume=resume)
     warn_of_forgotten_loops(float(sum(one["lost"] for one in found)))
-    warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
+    _warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
     u, y, r = (np.stack([one[name] for one in found]) for name in ("u", "y", "r"))
     position, force = axis.units
     labels: SignalLabels = {"u_name": "force", "y_name": "position", "u_unit": force, "y_unit": position}
     return Record(u=u, y=y, r=r, fs=ms.fs, lines=ms.lines, hold="zoh", **labels)
 
 
-def run_experiment(experiment: ServoExperiment) -> Arrays:
+def _run_experiment(experiment: _ServoExperiment) -> Arrays:
     """Run one realisation; runs in a worker."""
     axis, ms, N = experiment.axis, experiment.ms, experiment.ms.n_samples
     block = experiment.n_discard + experiment.n_periods
-    base = base_position(experiment)
+    base = _base_position(experiment)
     played = np.tile(ms.u[0], base.size // N)
     signals = {name: np.zeros(base.size) for name in PORTS} | {"position": base}
     signals[experiment.port] = signals[experiment.port] + played
@@ -439,7 +439,7 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
     }
 
 
-def base_position(experiment: ServoExperiment) -> np.ndarray:
+def _base_position(experiment: _ServoExperiment) -> np.ndarray:
     """Return (n,) the position set point of the whole experiment [unit of the axis].
 
     Each stroke lasts as long as all periods do, the first backwards; without strokes there is one, forwards. Velocity
@@ -451,21 +451,21 @@ def base_position(experiment: ServoExperiment) -> np.ndarray:
     return np.asarray(np.cumsum(velocity[: directions.size * block]) / experiment.axis.drive.fs)
 
 
-def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:
+def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
     """Warn of what makes a record another one than was asked for."""
     texts = []
-    if worst["limited"] > SELDOM:
+    if worst["limited"] > _SELDOM:
         limit, unit = experiment.axis.drive.limit, experiment.axis.drive.output_unit
         texts.append(
             f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of the samples: "
             "the FRF is that of the limit too. Lower the level"
         )
-    if worst["turned"] > SELDOM:
+    if worst["turned"] > _SELDOM:
         texts.append(
             f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not slide all the time. "
             f"Raise base_velocity above {abs(experiment.base_velocity):g}, or lower the level"
         )
-    if worst["change"] > UNSETTLED:
+    if worst["change"] > _UNSETTLED:
         texts.append(
             f"steady state was not reached: the last two periods differ by {worst['change']:.1e} of the rms. "
             f"Raise n_discard above {experiment.n_discard}"
@@ -477,7 +477,7 @@ def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:
 # ---- Four axes to try it on. Where the numbers come from stands in docs/guide/axis.md.
 
 
-def sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
+def _sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
     """Three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3 times Fs / K0."""
     stiffness = K0 * np.array([0.6, 0.3, 0.1])
     return VaryingSliders(stiffness=stiffness, strength=np.full(3, Fs / 3), stiction=stiction, vs=vs)
@@ -511,12 +511,12 @@ def servo_axis(preset: str) -> ServoAxis:
     >>> [round(servo_axis(name).inertia, 1) for name in ("linear motor", "belt", "ball screw", "joint")]
     [12.0, 22.2, 382.9, 2.0]
     """
-    require_choice("preset", preset, PRESETS)
+    require_choice("preset", preset, _PRESETS)
     match preset:
         case "linear motor":
             return ServoAxis(
                 motor_inertia=12.0,
-                motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
+                motor_friction=_sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
                 motor_damping=20.0,
                 resolution=5e-8,
                 drive=Drive(
@@ -536,10 +536,10 @@ def servo_axis(preset: str) -> ServoAxis:
             r, gear = 32 * 5e-3 / (2 * np.pi), 5
             return ServoAxis(
                 motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,
-                motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
+                motor_friction=_sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
                 motor_damping=20.0,
                 load_inertia=15.0,
-                load_friction=sliders(K0=1e6, Fs=30.0, stiction=1.4, vs=5e-3),
+                load_friction=_sliders(K0=1e6, Fs=30.0, stiction=1.4, vs=5e-3),
                 load_damping=30.0,
                 stiffness=632500 * (1 / 0.7 + 1 / 1.5),
                 damping=100.0,
@@ -560,10 +560,10 @@ def servo_axis(preset: str) -> ServoAxis:
             r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
             return ServoAxis(
                 motor_inertia=(3.19e-4 + 2.41e-4 + 0.3e-4) / r**2,
-                motor_friction=sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
+                motor_friction=_sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
                 motor_damping=300.0,
                 load_inertia=150.0,
-                load_friction=sliders(K0=1e7, Fs=60.0, stiction=1.3, vs=2e-3),
+                load_friction=_sliders(K0=1e7, Fs=60.0, stiction=1.3, vs=2e-3),
                 load_damping=200.0,
                 stiffness=8e7,
                 damping=5000.0,
@@ -583,10 +583,10 @@ def servo_axis(preset: str) -> ServoAxis:
         case _:
             return ServoAxis(
                 motor_inertia=100**2 * 5.2e-5,
-                motor_friction=sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
+                motor_friction=_sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
                 motor_damping=15.0,
                 load_inertia=1.5,
-                load_friction=sliders(K0=5e3, Fs=1.0, stiction=1.2, vs=5e-3),
+                load_friction=_sliders(K0=5e3, Fs=1.0, stiction=1.2, vs=5e-3),
                 load_damping=0.5,
                 stiffness=1.6e4,
                 damping=10.0,

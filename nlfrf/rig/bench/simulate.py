@@ -44,7 +44,7 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from hashlib import _Hash as Hash
 
-DEFAULT_WORKERS = 128  # of an executor that does not say how many it has
+_DEFAULT_WORKERS = 128  # of an executor that does not say how many it has
 
 Arrays = dict[str, np.ndarray]
 Progress = Callable[[int, int], object]
@@ -96,11 +96,11 @@ def run_each(
     ValueError
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
-    folder = None if resume is None else open_folder(resume)
+    folder = None if resume is None else _open_folder(resume)
     files = [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
-        if (found := load_result(file)) is not None:
+        if (found := _load_result(file)) is not None:
             todo.remove(i)
             yield i, found
     n_done = total - len(todo)
@@ -108,7 +108,7 @@ def run_each(
         progress(n_done, total)
     pool = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else executor
     # what is handed over at a time: nobody waits, and no more results than these are held
-    ahead = 2 * int(getattr(pool, "_max_workers", DEFAULT_WORKERS))
+    ahead = 2 * int(getattr(pool, "_max_workers", _DEFAULT_WORKERS))
     running: dict[Future[Arrays], int] = {}
     rest = iter(todo)
     try:
@@ -140,7 +140,7 @@ def run_each(
             pool.shutdown(cancel_futures=True)
 
 
-def open_folder(resume: str | os.PathLike[str]) -> Path:
+def _open_folder(resume: str | os.PathLike[str]) -> Path:
     """Return the folder as a path, created where it does not exist."""
     if not isinstance(resume, str | os.PathLike):
         raise ValueError(f"resume must be a folder, got {short_form(resume)}")
@@ -151,7 +151,7 @@ def open_folder(resume: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def load_result(path: Path) -> Arrays | None:
+def _load_result(path: Path) -> Arrays | None:
     """Return a result kept before; None where there is none, or none that can be read."""
     try:
         with path.open("rb") as opened_file, np.load(opened_file, allow_pickle=False) as file:
@@ -165,7 +165,7 @@ def fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
     from hashlib import sha256
 
     digest = sha256(hash_integrator() + task.__qualname__.encode())
-    hash_value(digest, value)
+    _hash_value(digest, value)
     return digest.hexdigest()[:32]
 
 
@@ -181,20 +181,20 @@ def hash_integrator() -> bytes:
     return digest.digest()
 
 
-def hash_value(digest: Hash, value: object) -> None:
+def _hash_value(digest: Hash, value: object) -> None:
     """Add a value to a digest: type and content, fields one by one."""
     digest.update(f"<{type(value).__qualname__}>".encode())
     match value:
         case _ if is_dataclass(value):
             for field in fields(value):
                 digest.update(f"{field.name}=".encode())
-                hash_value(digest, getattr(value, field.name))
+                _hash_value(digest, getattr(value, field.name))
         case np.ndarray():
             digest.update(f"{value.dtype.str}{value.shape}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
         case tuple() | list() | dict():
             for one in value.items() if isinstance(value, dict) else value:
-                hash_value(digest, one)
+                _hash_value(digest, one)
         case str() | int() | float() | None:
             digest.update(repr(value).encode())
         case numbers.Real():  # of numpy, or a fraction
@@ -207,7 +207,7 @@ def hash_value(digest: Hash, value: object) -> None:
 
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
-MAX_PERIOD_CHANGE = 1e-4
+_MAX_PERIOD_CHANGE = 1e-4
 
 
 @value
@@ -306,7 +306,7 @@ def simulate(
     warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])
-    if np.any(change > MAX_PERIOD_CHANGE):
+    if np.any(change > _MAX_PERIOD_CHANGE):
         warnings.warn(
             f"steady state was not reached: the last two periods differ by {change.max():.1e} of the rms. "
             f"Raise n_discard above {n_discard}",
@@ -314,7 +314,7 @@ def simulate(
             stacklevel=2,
         )
     warn_of_forgotten_loops(float(sum(outcome["lost"] for outcome in outcomes)))
-    return make_record(rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold)
+    return _make_record(rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold)
 
 
 def run_experiment(experiment: Experiment) -> Arrays:
@@ -323,16 +323,16 @@ def run_experiment(experiment: Experiment) -> Arrays:
     Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
     only one), and how many turning points were forgotten for lack of memory.
     """
-    outcome = try_experiment(experiment)
+    outcome = _try_experiment(experiment)
     if outcome is None:
         fs, steps = experiment.ms.fs, experiment.oversampling
         raise unstable_step_error(
-            fs, steps, lambda finer: try_experiment(replace(experiment, oversampling=finer)) is not None
+            fs, steps, lambda finer: _try_experiment(replace(experiment, oversampling=finer)) is not None
         )
     return outcome
 
 
-def try_experiment(experiment: Experiment) -> Arrays | None:
+def _try_experiment(experiment: Experiment) -> Arrays | None:
     """Return the result of `run_experiment`; None where the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
     memory = initial_memory(rig)
@@ -342,7 +342,7 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
         out = integrate_rig(rig, memory, drive=drive, h=1 / (ms.fs * steps), substeps=steps)
         if out is None:
             return None
-        periods = [*periods[-max(experiment.n_periods - 1, 1) :], sensor_positions(experiment, out[:, 0])]
+        periods = [*periods[-max(experiment.n_periods - 1, 1) :], _sensor_positions(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
         size = np.linalg.norm(periods[-1])  # zero of a mass that never moved
@@ -351,7 +351,7 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
 
-def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
+def _sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
     """Return the (N,) position of the only axis or sensor, or (n_y, N) of several, from the positions of the axes."""
     if not experiment.rig.several:
         return x.copy()
@@ -359,7 +359,7 @@ def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
     return y[0] if experiment.ms.is_single and len(y) == 1 else y
 
 
-def make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record:
+def _make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record:
     """Return the record of input and measured positions, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
     return Record(

@@ -11,9 +11,9 @@ from nlfrf._base.arguments import require_positive, require_real_array
 from nlfrf._base.values import value
 
 #: Of the peak-to-peak error while disturbed: below it a channel is at rest.
-MIN_SWING = 1e-6
+_MIN_SWING = 1e-6
 #: Of the peak-to-peak error, and of the usual friction, while disturbed: the most that a settled loop still has.
-MAX_SETTLED_SWING = 1e-2
+_MAX_SETTLED_SWING = 1e-2
 
 
 @value(copy=False)
@@ -97,12 +97,12 @@ class Trajectory:
         before, after = self._split_error(calm)
         n = after.shape[-1] // 4
         last, earlier = _peak_to_peak(after[..., -n:]), _peak_to_peak(after[..., -2 * n : -n])
-        if np.any(last > np.maximum(0.95 * earlier, MIN_SWING * _disturbed_swing(before))):
+        if np.any(last > np.maximum(0.95 * earlier, _MIN_SWING * _disturbed_swing(before))):
             return "limit cycle"
         held = self.friction[..., -2 * n :]
         usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
-        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > MAX_SETTLED_SWING * usual)
-        return "settled" if self.residual(calm) < MAX_SETTLED_SWING and not waits else "stable"
+        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > _MAX_SETTLED_SWING * usual)
+        return "settled" if self.residual(calm) < _MAX_SETTLED_SWING and not waits else "stable"
 
     def _split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the error before and after `calm` [s]."""
@@ -119,9 +119,9 @@ def _peak_to_peak(x: np.ndarray) -> np.ndarray:
 
 
 def _disturbed_swing(before: np.ndarray) -> np.ndarray:
-    """Return the peak-to-peak error of each channel while disturbed, floored at `MIN_SWING` of the largest one."""
+    """Return the peak-to-peak error of each channel while disturbed, floored at `_MIN_SWING` of the largest one."""
     found = _peak_to_peak(before)
-    return np.maximum(found, max(MIN_SWING * found.max(), np.finfo(float).tiny))
+    return np.maximum(found, max(_MIN_SWING * found.max(), np.finfo(float).tiny))
 
 
 def require_samples(name: str, signal: ArrayLike, *, channels: int | None = None) -> np.ndarray:

@@ -31,17 +31,17 @@ Array = np.ndarray
 compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # kept with what calls it
 inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 #: Matrices of a machine; the last one is there where some spring is cubic.
-MASS, INVERSE_MASS, STIFFNESS, DAMPING, CUBIC = range(5)
+_MASS, _INVERSE_MASS, _STIFFNESS, _DAMPING, _CUBIC = range(5)
 #: Rows of the work space, one number an axis. Four rows make a place: position, velocity, two states of the law.
-PLACE, STAGE, RATE, END = 0, 4, 8, 12
+_PLACE, _STAGE, _RATE, _END = 0, 4, 8, 12
 #: Force; friction at the begin and at the end of a step; what turns a law at both; the way it goes; whether it turned.
-NET, FRICTION_BEGIN, FRICTION_END, TURN_BEGIN, TURN_END, HEADING, HAS_TURNED = range(16, 23)
+_NET, _FRICTION_BEGIN, _FRICTION_END, _TURN_BEGIN, _TURN_END, _HEADING, _HAS_TURNED = range(16, 23)
 N_ROWS = 23
-MAX_PARTS = 12
+_MAX_PARTS = 12
 
 
 @inlined
-def unpack_law(laws: Array, i: int) -> Law:
+def _unpack_law(laws: Array, i: int) -> Law:
     """Return the law of an axis from its row of numbers."""
     curve = Curve(int(laws[i, 8]), laws[i, 9], laws[i, 10])
     return Law(
@@ -58,7 +58,7 @@ def unpack_law(laws: Array, i: int) -> Law:
 
 
 @inlined
-def is_stuck(laws: Array, states: Array, i: int) -> bool:
+def _is_stuck(laws: Array, states: Array, i: int) -> bool:
     """Return whether dry friction holds an axis."""
     return laws[i, 0] == kernel_data.COULOMB and states[i, DIRECTION] == 0.0
 
@@ -67,28 +67,28 @@ def is_stuck(laws: Array, states: Array, i: int) -> bool:
 def invert_free_mass(machine: Array, laws: Array, states: Array) -> None:
     """Invert the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
     n = machine.shape[1]
-    A = machine[MASS].copy()
+    A = machine[_MASS].copy()
     for i in range(n):
         for j in range(n):
-            machine[INVERSE_MASS, i, j] = 1.0 if i == j and not is_stuck(laws, states, i) else 0.0
+            machine[_INVERSE_MASS, i, j] = 1.0 if i == j and not _is_stuck(laws, states, i) else 0.0
     for i in range(n):
-        if is_stuck(laws, states, i):
+        if _is_stuck(laws, states, i):
             continue
         pivot = 1.0 / A[i, i]
         for k in range(n):
             A[i, k] *= pivot
-            machine[INVERSE_MASS, i, k] *= pivot
+            machine[_INVERSE_MASS, i, k] *= pivot
         for j in range(n):
-            if j == i or is_stuck(laws, states, j):
+            if j == i or _is_stuck(laws, states, j):
                 continue
             factor = A[j, i]
             for k in range(n):
                 A[j, k] -= factor * A[i, k]
-                machine[INVERSE_MASS, j, k] -= factor * machine[INVERSE_MASS, i, k]
+                machine[_INVERSE_MASS, j, k] -= factor * machine[_INVERSE_MASS, i, k]
 
 
 @compiled
-def memory_friction(
+def _memory_friction(
     law: Law, grid: Array, state: Array, stack: Array, d: float, move: float, x: float, v: float, p: float, q: float
 ) -> tuple[float, float, float]:
     """Return the friction of a law with a memory on a trial step, and the rates of its two states p and q.
@@ -106,20 +106,20 @@ def memory_friction(
 
 
 @inlined
-def spring_force(machine: Array, work: Array, at: int, i: int) -> float:
+def _spring_force(machine: Array, work: Array, at: int, i: int) -> float:
     """Return the force of springs and dampers on axis i in the state at row `at` of the work space."""
     force = 0.0
     for j in range(machine.shape[1]):
-        force -= machine[STIFFNESS, i, j] * work[at, j] + machine[DAMPING, i, j] * work[at + 1, j]
-    if machine.shape[0] > CUBIC:
+        force -= machine[_STIFFNESS, i, j] * work[at, j] + machine[_DAMPING, i, j] * work[at + 1, j]
+    if machine.shape[0] > _CUBIC:
         for j in range(machine.shape[1]):
             stretch = work[at, i] if j == i else work[at, i] - work[at, j]
-            force -= machine[CUBIC, i, j] * stretch * stretch * stretch
+            force -= machine[_CUBIC, i, j] * stretch * stretch * stretch
     return force
 
 
 @inlined
-def axis_rates(
+def _axis_rates(
     axes: Axes,
     drive: Array,
     step: int,
@@ -137,39 +137,39 @@ def axis_rates(
     for i in range(n):
         u1, u2, u3 = drive[step, 0, i], drive[step, 1, i], drive[step, 2, i]
         net = (
-            u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + spring_force(machine, work, at, i)
+            u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + _spring_force(machine, work, at, i)
         )
         x, v, p, q = work[at, i], work[at + 1, i], work[at + 2, i], work[at + 3, i]
         force, dp, dq, form = 0.0, 0.0, 0.0, int(laws[i, 0])
         if form == kernel_data.COULOMB:
             d = states[i, DIRECTION]  # what it holds while it is stuck follows from the others' accelerations
-            law = unpack_law(laws, i)
+            law = _unpack_law(laws, i)
             force = d * stribeck_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
         elif form >= 0:
-            law = unpack_law(laws, i)
+            law = _unpack_law(laws, i)
             if law.curve.kind == kernel_data.SPRING:  # no memory to look at
                 dp, force = friction_rates(law, v, law.curve.K0 * p)
             else:
-                d, move = work[HEADING, i], x - work[PLACE, i]
-                force, dp, dq = memory_friction(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
-        work[NET, i], work[friction_row, i] = net - force, force
+                d, move = work[_HEADING, i], x - work[_PLACE, i]
+                force, dp, dq = _memory_friction(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
+        work[_NET, i], work[friction_row, i] = net - force, force
         work[turn_row, i] = v if form == kernel_data.COULOMB or form == kernel_data.GMS else dp
-        work[RATE, i], work[RATE + 2, i], work[RATE + 3, i] = v, dp, dq
+        work[_RATE, i], work[_RATE + 2, i], work[_RATE + 3, i] = v, dp, dq
     for i in range(n):
         a = 0.0
         for j in range(n):
-            a += machine[INVERSE_MASS, i, j] * work[NET, j]
-        work[RATE + 1, i] = a
+            a += machine[_INVERSE_MASS, i, j] * work[_NET, j]
+        work[_RATE + 1, i] = a
     for i in range(n):
-        if is_stuck(laws, states, i):
-            force = work[NET, i]
+        if _is_stuck(laws, states, i):
+            force = work[_NET, i]
             for j in range(n):
-                force -= machine[MASS, i, j] * work[RATE + 1, j]
+                force -= machine[_MASS, i, j] * work[_RATE + 1, j]
             work[friction_row, i], work[turn_row, i] = force, laws[i, 1] - abs(force)
 
 
 @compiled
-def trial_step(
+def _trial_step(
     axes: Axes,
     drive: Array,
     step: int,
@@ -182,37 +182,37 @@ def trial_step(
     n, span = machine.shape[1], (b - a) * h
     for stage in range(4):
         s = a if stage == 0 else (b if stage == 3 else 0.5 * (a + b))
-        at, held, turn = (PLACE, FRICTION_BEGIN, TURN_BEGIN) if stage == 0 else (STAGE, FRICTION_END, TURN_END)
-        axis_rates(axes, drive, step, s, at, held, turn)
+        at, held, turn = (_PLACE, _FRICTION_BEGIN, _TURN_BEGIN) if stage == 0 else (_STAGE, _FRICTION_END, _TURN_END)
+        _axis_rates(axes, drive, step, s, at, held, turn)
         share = span / 6.0 if stage == 0 or stage == 3 else span / 3.0
         reach = span if stage == 2 else 0.5 * span
         for row in range(4):
             for i in range(n):
-                begin, rate = work[PLACE + row, i], work[RATE + row, i]
-                work[END + row, i] = (begin if stage == 0 else work[END + row, i]) + share * rate
-                work[STAGE + row, i] = begin + reach * rate
+                begin, rate = work[_PLACE + row, i], work[_RATE + row, i]
+                work[_END + row, i] = (begin if stage == 0 else work[_END + row, i]) + share * rate
+                work[_STAGE + row, i] = begin + reach * rate
 
 
 @inlined
-def law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
+def _law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
     """Return whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] != 0.0:
-            return work[PLACE + 1, i] * work[END + 1, i] < 0.0
-        return work[TURN_BEGIN, i] > 0.0 > work[TURN_END, i]
-    return work[HAS_TURNED, i] == 0.0 and work[TURN_BEGIN, i] * work[TURN_END, i] < 0.0
+            return work[_PLACE + 1, i] * work[_END + 1, i] < 0.0
+        return work[_TURN_BEGIN, i] > 0.0 > work[_TURN_END, i]
+    return work[_HAS_TURNED, i] == 0.0 and work[_TURN_BEGIN, i] * work[_TURN_END, i] < 0.0
 
 
 @inlined
-def turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
+def _turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
     """Return the number that passes zero where the law of an axis turns, at the begin or end of the trial step."""
     if by_velocity:
-        return work[PLACE + 1, i] if row == TURN_BEGIN else work[END + 1, i]
+        return work[_PLACE + 1, i] if row == _TURN_BEGIN else work[_END + 1, i]
     return work[row, i]
 
 
 @compiled
-def locate_turn(
+def _locate_turn(
     axes: Axes,
     drive: Array,
     step: int,
@@ -223,14 +223,14 @@ def locate_turn(
 ) -> float:
     """Find where between a and b of a step the law of an axis turns: false position. The last trial ends there."""
     laws, states, work = axes.laws, axes.states, axes.work
-    by_velocity = work[PLACE + 1, i] * work[END + 1, i] < 0.0 and not is_stuck(laws, states, i)
-    e0 = turn_indicator(laws, states, work, i, by_velocity, TURN_BEGIN)
-    e1 = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
+    by_velocity = work[_PLACE + 1, i] * work[_END + 1, i] < 0.0 and not _is_stuck(laws, states, i)
+    e0 = _turn_indicator(laws, states, work, i, by_velocity, _TURN_BEGIN)
+    e1 = _turn_indicator(laws, states, work, i, by_velocity, _TURN_END)
     low, high, enough = a, b, 1e-12 * max(abs(e0), abs(e1))
     for _ in range(12):
         b = low + (high - low) * e0 / (e0 - e1)
-        trial_step(axes, drive, step, h, a, b)
-        e = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
+        _trial_step(axes, drive, step, h, a, b)
+        e = _turn_indicator(laws, states, work, i, by_velocity, _TURN_END)
         if abs(e) <= enough:
             break
         if e * e0 > 0.0:
@@ -241,7 +241,7 @@ def locate_turn(
 
 
 @inlined
-def begin_part(
+def _begin_part(
     axes: Axes,
     drive: Array,
     step: int,
@@ -251,73 +251,73 @@ def begin_part(
     machine, laws, states, work = axes.machine, axes.laws, axes.states, axes.work
     n, dry = machine.shape[1], False
     for i in range(n):
-        v = work[PLACE + 1, i]
+        v = work[_PLACE + 1, i]
         form = laws[i, 0]
-        work[PLACE + 2, i], work[PLACE + 3, i] = states[i, Z], 0.0
+        work[_PLACE + 2, i], work[_PLACE + 3, i] = states[i, Z], 0.0
         if form == kernel_data.GMS:
-            work[PLACE + 2, i] = 1.0
-            if work[HAS_TURNED, i] == 0.0:
-                work[HEADING, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+            work[_PLACE + 2, i] = 1.0
+            if work[_HAS_TURNED, i] == 0.0:
+                work[_HEADING, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
         if form == kernel_data.COULOMB:
             dry = True
             if states[i, DIRECTION] * v < 0.0:  # it came and went within the last step
-                work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
+                work[_PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
                 invert_free_mass(machine, laws, states)
     if not dry:
         return
     for _ in range(n):  # one after the other: letting one go changes what the others hold
-        axis_rates(axes, drive, step, s, PLACE, FRICTION_BEGIN, TURN_BEGIN)
+        _axis_rates(axes, drive, step, s, _PLACE, _FRICTION_BEGIN, _TURN_BEGIN)
         worst, most = -1, 0.0
         for i in range(n):
-            excess = abs(work[FRICTION_BEGIN, i]) - laws[i, 1] * (1.0 + 1e-9)
-            if is_stuck(laws, states, i) and excess > most:
+            excess = abs(work[_FRICTION_BEGIN, i]) - laws[i, 1] * (1.0 + 1e-9)
+            if _is_stuck(laws, states, i) and excess > most:
                 worst, most = i, excess
         if worst < 0:
             return
-        states[worst, DIRECTION] = 1.0 if work[FRICTION_BEGIN, worst] > 0.0 else -1.0
+        states[worst, DIRECTION] = 1.0 if work[_FRICTION_BEGIN, worst] > 0.0 else -1.0
         invert_free_mass(machine, laws, states)
 
 
 @inlined
-def commit_part(axes: Axes, span: float) -> bool:
+def _commit_part(axes: Axes, span: float) -> bool:
     """Commit all memories at END; return whether that was stable."""
     machine, laws, grids, states, stacks, work = axes
     stable = True
     for i in range(machine.shape[1]):
         form = int(laws[i, 0])
-        x0, v0, x1, v1 = work[PLACE, i], work[PLACE + 1, i], work[END, i], work[END + 1, i]
+        x0, v0, x1, v1 = work[_PLACE, i], work[_PLACE + 1, i], work[_END, i], work[_END + 1, i]
         stable = stable and abs(x1) < 1e150 and abs(v1) < 1e150
-        work[PLACE, i], work[PLACE + 1, i] = x1, v1
+        work[_PLACE, i], work[_PLACE + 1, i] = x1, v1
         if form < 0 or form == kernel_data.COULOMB:
             continue
-        law = unpack_law(laws, i)
+        law = _unpack_law(laws, i)
         if form == kernel_data.GMS:
-            d = work[HEADING, i]
+            d = work[_HEADING, i]
             if d == 0.0:
                 d = 1.0 if v1 > 0.0 else -1.0
-            keep, gain = work[END + 2, i], work[END + 3, i]
+            keep, gain = work[_END + 2, i], work[_END + 3, i]
             commit_elements(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
         elif form == kernel_data.SLIDERS:
             commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v0, v1, span)
         else:
-            slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
+            slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[_END + 2, i])
             states[i, ERROR] = max(states[i, ERROR], 1.0) * error_growth(law, v1, states[i, F], slope, span)
             stable = stable and states[i, ERROR] <= kernel_data.MAX_ERROR_GROWTH
     return stable
 
 
 @compiled
-def turn_law(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
+def _turn_law(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
     """Turn the law of an axis: elements stick, dry friction stops or breaks away."""
-    work[HAS_TURNED, i] = 1.0  # once a step
+    work[_HAS_TURNED, i] = 1.0  # once a step
     if laws[i, 0] == kernel_data.GMS:
         stacks[i, 1, :] = 0.0  # all its elements stick
-        work[HEADING, i] = -work[HEADING, i]
+        work[_HEADING, i] = -work[_HEADING, i]
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] == 0.0:
-            states[i, DIRECTION] = 1.0 if work[FRICTION_END, i] > 0.0 else -1.0
+            states[i, DIRECTION] = 1.0 if work[_FRICTION_END, i] > 0.0 else -1.0
         else:
-            work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
+            work[_PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
         invert_free_mass(machine, laws, states)
 
 
@@ -341,37 +341,37 @@ def advance_axes(
     axes = Axes(machine, laws, grids, states, stacks, work)
     n, substeps = machine.shape[1], drive.shape[0] // out.shape[0]
     for i in range(n):
-        work[PLACE, i], work[PLACE + 1, i] = states[i, X], states[i, V]
+        work[_PLACE, i], work[_PLACE + 1, i] = states[i, X], states[i, V]
     for step in range(drive.shape[0]):
         a, parts = 0.0, 0
         for i in range(n):
-            work[HAS_TURNED, i] = 0.0
+            work[_HAS_TURNED, i] = 0.0
         while a < 1.0:
-            begin_part(axes, drive, step, a)
+            _begin_part(axes, drive, step, a)
             b, which = 1.0, -1
-            trial_step(axes, drive, step, h, a, b)
+            _trial_step(axes, drive, step, h, a, b)
             if parts == 0 and step % substeps == 0:
                 for i in range(n):
                     row = step // substeps
-                    out[row, 0, i], out[row, 1, i] = work[PLACE, i], work[PLACE + 1, i]
-                    out[row, 2, i], out[row, 3, i] = states[i, Z], work[FRICTION_BEGIN, i]
+                    out[row, 0, i], out[row, 1, i] = work[_PLACE, i], work[_PLACE + 1, i]
+                    out[row, 2, i], out[row, 3, i] = states[i, Z], work[_FRICTION_BEGIN, i]
             for i in range(n):
-                if parts < MAX_PARTS and law_turns(laws, states, work, i):
-                    b, which = locate_turn(axes, drive, step, h, a, b, i), i
-            if not commit_part(axes, (b - a) * h):
+                if parts < _MAX_PARTS and _law_turns(laws, states, work, i):
+                    b, which = _locate_turn(axes, drive, step, h, a, b, i), i
+            if not _commit_part(axes, (b - a) * h):
                 return False
             if which >= 0:
-                turn_law(machine, laws, states, stacks, work, which)
+                _turn_law(machine, laws, states, stacks, work, which)
             a, parts = b, parts + 1
     for i in range(n):
-        states[i, X], states[i, V] = work[PLACE, i], work[PLACE + 1, i]
+        states[i, X], states[i, V] = work[_PLACE, i], work[_PLACE + 1, i]
     return True
 
 
 cached = njit(cache=True, nogil=True, error_model="numpy")
 
 
-def build_run_kernel(stamp: str) -> Callable[..., bool]:
+def _build_run_kernel(stamp: str) -> Callable[..., bool]:
     """Return the kernel that steps through given forces, cached under the digest of the files it calls."""
 
     @cached
@@ -395,7 +395,7 @@ def build_run_kernel(stamp: str) -> Callable[..., bool]:
 
 
 @njit(nogil=True, error_model="numpy")
-def multiply_matrix(M: Array, x: Array, out: Array) -> None:
+def _multiply_matrix(M: Array, x: Array, out: Array) -> None:
     """Write M x into `out`."""
     for row in range(M.shape[0]):
         total = 0.0
@@ -405,7 +405,7 @@ def multiply_matrix(M: Array, x: Array, out: Array) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
+def _step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
     """Write the output u of the controller for the error e, and step its state x by one sample, by way of `new`."""
     for row in range(u.size):
         total = 0.0
@@ -424,7 +424,7 @@ def step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array
     x[:] = new
 
 
-def build_loop_kernel(stamp: str) -> Callable[..., int]:
+def _build_loop_kernel(stamp: str) -> Callable[..., int]:
     """Return the kernel of the sampled loop, cached under the digest of the files it calls."""
 
     @cached
@@ -465,13 +465,13 @@ def build_loop_kernel(stamp: str) -> Callable[..., int]:
         e, whole = np.empty(n), int(delay)
         part = delay - whole
         for k in range(samples):
-            multiply_matrix(sensors, states[:, X], e)
+            _multiply_matrix(sensors, states[:, X], e)
             for i in range(n):
                 y[k, i] = e[i] + noise[k, i]
                 if resolution[i] > 0.0:
                     y[k, i] = resolution[i] * np.round(y[k, i] / resolution[i])
                 e[i] = r[k, i] - y[k, i]
-            step_controller(A, B, C, D, x, new, e, u[k])
+            _step_controller(A, B, C, D, x, new, e, u[k])
             for i in range(force.size):
                 u[k, i] = min(max(u[k, i], -saturation[i]), saturation[i])
             for piece in range(2):
@@ -497,6 +497,6 @@ def build_loop_kernel(stamp: str) -> Callable[..., int]:
     return loop
 
 
-STAMP = digest_files(*CALLED_FILES)
-run_axes: Callable[..., bool] = build_run_kernel(STAMP)
-run_axes_loop: Callable[..., int] = build_loop_kernel(STAMP)
+_STAMP = digest_files(*CALLED_FILES)
+run_axes: Callable[..., bool] = _build_run_kernel(_STAMP)
+run_axes_loop: Callable[..., int] = _build_loop_kernel(_STAMP)

@@ -28,9 +28,9 @@ from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
 #: Branches of the hysteresis: looked up in the memory at every stage; the virgin curve; a later branch.
-FROM_MEMORY, VIRGIN, LATER = range(3)
+_FROM_MEMORY, _VIRGIN, _LATER = range(3)
 #: Events that divide a step: v = 0, dz/dt = 0, z where a loop closes.
-VELOCITY, RATE_OF_Z, PLACE = range(3)
+_VELOCITY, _RATE_OF_Z, _PLACE = range(3)
 Branch = tuple[int, float, float]
 Array = np.ndarray
 compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
@@ -40,7 +40,7 @@ inlined = njit(
 
 
 @inlined
-def virgin_curve(curve: Curve, grid: Array, z: float) -> float:
+def _virgin_curve(curve: Curve, grid: Array, z: float) -> float:
     """Return the virgin curve y(z), odd."""
     if curve.kind == kernel_data.SPRING:
         return curve.K0 * z
@@ -55,13 +55,13 @@ def virgin_curve(curve: Curve, grid: Array, z: float) -> float:
     elif curve.kind == kernel_data.ELASTIC_PLASTIC:
         y = min(curve.K0 * a, curve.Fy)
     else:
-        i = find_segment(grid, a)
+        i = _find_segment(grid, a)
         y = grid[1, i] + grid[2, i] * (a - grid[0, i])
     return y if z >= 0.0 else -y
 
 
 @compiled
-def virgin_stiffness(curve: Curve, grid: Array, z: float, y: float) -> float:
+def _virgin_stiffness(curve: Curve, grid: Array, z: float, y: float) -> float:
     """Return the stiffness y'(z) of the virgin curve, where y = y(z)."""
     if curve.kind == kernel_data.SPRING:
         return curve.K0
@@ -74,11 +74,11 @@ def virgin_stiffness(curve: Curve, grid: Array, z: float, y: float) -> float:
         return curve.K0 * max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
     if curve.kind == kernel_data.ELASTIC_PLASTIC:
         return curve.K0 if curve.K0 * a < curve.Fy else 0.0
-    return grid[2, find_segment(grid, a)]
+    return grid[2, _find_segment(grid, a)]
 
 
 @compiled
-def find_segment(grid: Array, a: float) -> int:
+def _find_segment(grid: Array, a: float) -> int:
     """Return the index of the last point of the table at or before a."""
     low, high = 0, grid.shape[1]
     while high - low > 1:
@@ -91,7 +91,7 @@ def find_segment(grid: Array, a: float) -> int:
 
 
 @compiled
-def depth_after_move(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
+def _depth_after_move(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
     """Return the depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
 
     Passing the turning point before last closes an inner loop and wipes two points out; the outermost branch
@@ -125,13 +125,13 @@ def hysteresis_on_trial(curve: Curve, grid: Array, state: Array, stack: Array, z
     if z == z0:
         return state[F]
     depth = int(state[DEPTH])
-    n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
+    n = _depth_after_move(z, z0, state[DIRECTION], depth, stack)
     if n == 0:
-        return virgin_curve(curve, grid, z)
+        return _virgin_curve(curve, grid, z)
     zm, fm = z0, state[F]
     if n <= depth:
         zm, fm = stack[0, n - 1], stack[1, n - 1]
-    return fm + 2.0 * virgin_curve(curve, grid, 0.5 * (z - zm))
+    return fm + 2.0 * _virgin_curve(curve, grid, 0.5 * (z - zm))
 
 
 @compiled
@@ -155,7 +155,7 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
     depth = int(state[DEPTH])
     if z != z0:
         force = hysteresis_on_trial(curve, grid, state, stack, z)
-        n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
+        n = _depth_after_move(z, z0, state[DIRECTION], depth, stack)
         if n == depth + 1:
             if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
                 depth -= 2
@@ -166,8 +166,8 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
         state[DIRECTION] = 1.0 if z > z0 else -1.0
         state[DEPTH], state[Z], state[F] = depth, z, force
     if depth == 0:
-        return virgin_stiffness(curve, grid, z, state[F])
-    return virgin_stiffness(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
+        return _virgin_stiffness(curve, grid, z, state[F])
+    return _virgin_stiffness(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
 
 
 @compiled
@@ -179,7 +179,7 @@ def follow_path(curve: Curve, grid: Array, state: Array, stack: Array, path: Arr
 
 
 @inlined
-def stribeck_force(law: Law, v: float) -> float:
+def _stribeck_force(law: Law, v: float) -> float:
     """Return the Stribeck curve |s(v)|."""
     if law.Fs == law.Fc:
         return law.Fc
@@ -191,7 +191,7 @@ def stribeck_force(law: Law, v: float) -> float:
 @inlined
 def friction_rates(law: Law, v: float, fh: float) -> tuple[float, float]:
     """Return dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
-    g = stribeck_force(law, v)
+    g = _stribeck_force(law, v)
     if law.form == kernel_data.LEUVEN:
         r = abs(fh) / g
         if law.n != 1.0:
@@ -217,50 +217,50 @@ def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> f
 
 
 @compiled
-def next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool) -> Branch:
+def _next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool) -> Branch:
     """Return the branch that is followed until z turns or a loop closes, and its turning point."""
     if not (kernel_data.TANH <= law.curve.kind <= kernel_data.PARABOLA):
-        return FROM_MEMORY, 0.0, 0.0
+        return _FROM_MEMORY, 0.0, 0.0
     if not has_turned and state[DIRECTION] != 0.0:
         dz, _ = friction_rates(law, v, state[F])
         has_turned = dz * state[DIRECTION] < 0.0
     if has_turned:
-        return LATER, state[Z], state[F]
+        return _LATER, state[Z], state[F]
     depth = int(state[DEPTH])
     if depth == 0:
-        return VIRGIN, 0.0, 0.0
-    return LATER, stack[0, depth - 1], stack[1, depth - 1]
+        return _VIRGIN, 0.0, 0.0
+    return _LATER, stack[0, depth - 1], stack[1, depth - 1]
 
 
 @inlined
-def branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float) -> float:
+def _branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float) -> float:
     """Return the hysteresis force at z on a branch."""
-    if branch[0] == LATER:
-        return branch[2] + 2.0 * virgin_curve(curve, grid, 0.5 * (z - branch[1]))
-    if branch[0] == VIRGIN:
-        return virgin_curve(curve, grid, z)
+    if branch[0] == _LATER:
+        return branch[2] + 2.0 * _virgin_curve(curve, grid, 0.5 * (z - branch[1]))
+    if branch[0] == _VIRGIN:
+        return _virgin_curve(curve, grid, z)
     return hysteresis_on_trial(curve, grid, state, stack, z)
 
 
 @compiled
-def trial_step(
+def _trial_step(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, branch: Branch, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float, float]:
     """Try the part a..b of a Runge-Kutta step from the committed memory: x, v, z at its end, dz/dt at both ends."""
     curve, z, h = law.curve, state[Z], (b - a) * step.h
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
-    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
+    u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
     x, v = step.x, step.v
     z1, f1 = friction_rates(law, v, state[F])
     a1 = w * (u1 - k * x - c * v - f1)
     v2 = u2 if driven else v + 0.5 * h * a1
-    z2, f2 = friction_rates(law, v2, branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1))
+    z2, f2 = friction_rates(law, v2, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1))
     a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
     v3 = u2 if driven else v + 0.5 * h * a2
-    z3, f3 = friction_rates(law, v3, branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2))
+    z3, f3 = friction_rates(law, v3, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2))
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
     v4 = u3 if driven else v + h * a3
-    z4, f4 = friction_rates(law, v4, branch_force(curve, grid, state, stack, branch, z + h * z3))
+    z4, f4 = friction_rates(law, v4, _branch_force(curve, grid, state, stack, branch, z + h * z3))
     a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
@@ -269,13 +269,13 @@ def trial_step(
 
 
 @compiled
-def drive_at(u: tuple[float, float, float], s: float) -> float:
+def _drive_at(u: tuple[float, float, float], s: float) -> float:
     """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
 @compiled
-def locate_event(
+def _locate_event(
     body: Body,
     law: Law,
     grid: Array,
@@ -293,10 +293,10 @@ def locate_event(
     for i in range(12):
         if i > 0:
             b = low + (high - low) * e0 / (e0 - e1)
-        _, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, branch, step, a, b)
-        e = v1 if event == VELOCITY else (d1 if event == RATE_OF_Z else z1 - z)
+        _, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, branch, step, a, b)
+        e = v1 if event == _VELOCITY else (d1 if event == _RATE_OF_Z else z1 - z)
         if i == 0:
-            e0, e1 = (step.v if event == VELOCITY else (d0 if event == RATE_OF_Z else state[Z] - z)), e
+            e0, e1 = (step.v if event == _VELOCITY else (d0 if event == _RATE_OF_Z else state[Z] - z)), e
             enough = 1e-12 * max(abs(e0), abs(e1))
         elif abs(e) <= enough:
             break
@@ -308,11 +308,11 @@ def locate_event(
 
 
 @compiled
-def find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float]:
+def _find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float]:
     """Return whether a monotone move to z closes a loop, and the z where the first one closes."""
     z0, depth = state[Z], int(state[DEPTH])
     turned = (z - z0) * state[DIRECTION] < 0.0
-    if depth_after_move(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
+    if _depth_after_move(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
         return False, z
     if turned:
         return True, (stack[0, depth - 1] if depth > 0 else -z0)
@@ -320,7 +320,7 @@ def find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float
 
 
 @compiled
-def step_to_event(
+def _step_to_event(
     body: Body,
     law: Law,
     grid: Array,
@@ -333,17 +333,17 @@ def step_to_event(
 ) -> tuple[float, float, float, float, bool]:
     """Step from a to where z turns or a loop closes, else to 1: its end, x, v, z there, and whether z turned."""
     b = 1.0
-    x1, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, branch, step, a, b)
+    x1, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, branch, step, a, b)
     if not has_turned and d0 * d1 < 0.0:
-        what = VELOCITY if step.v * v1 < 0.0 else RATE_OF_Z
-        b, has_turned = locate_event(body, law, grid, state, stack, branch, step, a, b, what, 0.0), True
-        x1, v1, z1, _, _ = trial_step(body, law, grid, state, stack, branch, step, a, b)
-    if branch[0] != FROM_MEMORY:
-        closes, z = find_loop_closure(state, stack, z1)
+        what = _VELOCITY if step.v * v1 < 0.0 else _RATE_OF_Z
+        b, has_turned = _locate_event(body, law, grid, state, stack, branch, step, a, b, what, 0.0), True
+        x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
+    if branch[0] != _FROM_MEMORY:
+        closes, z = _find_loop_closure(state, stack, z1)
         # a loop that closes just where z turns needs no second division
         if closes and not (has_turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
-            b, has_turned = locate_event(body, law, grid, state, stack, branch, step, a, b, PLACE, z), False
-            x1, v1, _, _, _ = trial_step(body, law, grid, state, stack, branch, step, a, b)
+            b, has_turned = _locate_event(body, law, grid, state, stack, branch, step, a, b, _PLACE, z), False
+            x1, v1, _, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
             z1 = z
     return b, x1, v1, z1, has_turned
 
@@ -369,20 +369,20 @@ def advance_hysteretic(
             _, out[i, 3] = friction_rates(law, v, state[F])
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
-        way = next_branch(law, state, stack, v, False)
+        way = _next_branch(law, state, stack, v, False)
         step = Step(x, v, u, h)
-        x1, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, way, step, 0.0, 1.0)
-        if d0 * d1 < 0.0 or (way[0] != FROM_MEMORY and find_loop_closure(state, stack, z1)[0]):
+        x1, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, way, step, 0.0, 1.0)
+        if d0 * d1 < 0.0 or (way[0] != _FROM_MEMORY and _find_loop_closure(state, stack, z1)[0]):
             a, turned, parts = 0.0, False, 0
             while a < 1.0 and parts < 6:
-                a, x1, v1, z1, turned = step_to_event(body, law, grid, state, stack, way, step, a, turned)
+                a, x1, v1, z1, turned = _step_to_event(body, law, grid, state, stack, way, step, a, turned)
                 parts += 1
                 if a < 1.0:
                     step = Step(x1, v1, u, h)
                     commit_hysteresis(law.curve, grid, state, stack, z1)
-                    way = next_branch(law, state, stack, v1, turned)
+                    way = _next_branch(law, state, stack, v1, turned)
             if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
-                x1, v1, z1, _, _ = trial_step(body, law, grid, state, stack, way, step, a, 1.0)
+                x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
         stiffness = commit_hysteresis(law.curve, grid, state, stack, z1)
         state[ERROR] = max(state[ERROR], 1.0) * error_growth(law, v, state[F], stiffness, h)

@@ -35,7 +35,7 @@ def digest_files(*files: Path) -> str:
 
 
 @njit(nogil=True, error_model="numpy")
-def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
+def _control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
     """Return the output of the i-th controller for the error e, and step its state x by one sample, by way of `new`."""
     u = D[i] * e
     for row in range(x.size):
@@ -50,7 +50,7 @@ def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: 
 
 
 @njit(nogil=True, error_model="numpy")  # compiled with its caller, and kept with it
-def advance_law(
+def _advance_law(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
 ) -> bool:
     """Advance n steps with the kernel of the law."""
@@ -63,7 +63,7 @@ def advance_law(
     return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
 
 
-def build_loops_kernel(stamp: str) -> Callable[..., None]:
+def _build_loops_kernel(stamp: str) -> Callable[..., None]:
     """Return the kernel, cached under the digest of the files it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
@@ -105,7 +105,7 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
                 if resolution > 0.0:
                     y = resolution * np.round(y / resolution)
                 e = r[i, k] - y
-                u = min(max(control_step(i, A, B, C, D, xc, new, e), -saturation), saturation)
+                u = min(max(_control_step(i, A, B, C, D, xc, new, e), -saturation), saturation)
                 commanded[k + whole] = u
                 for piece in range(2):
                     span = part if piece == 0 else 1.0 - part
@@ -120,7 +120,7 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
                     for j in range(n):
                         drive[j, 0] = drive[j, 1] = drive[j, 2] = force
                     h = span / (n * fs)
-                    if not advance_law(body, law, grid, state, stack, drive[:n], h, n, out):
+                    if not _advance_law(body, law, grid, state, stack, drive[:n], h, n, out):
                         lengths[i] = k
                         break
                     if piece == 0 or part == 0.0:
@@ -132,13 +132,13 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
     return loops
 
 
-run_loops = build_loops_kernel(digest_files(*CALLED_FILES))
+run_loops = _build_loops_kernel(digest_files(*CALLED_FILES))
 
 
-def wrap_loops_kernel(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
+def _wrap_loops_kernel(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
     """Return the kernel of the loops around user-defined steps, compiled where these are."""
     source = run_loops.py_func  # type: ignore[attr-defined]
-    around = {**source.__globals__, "advance_law": steps}
+    around = {**source.__globals__, "_advance_law": steps}
     plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
     return njit(nogil=True, error_model="numpy")(plain) if compiled else plain
 
@@ -148,10 +148,10 @@ def compile_user_law(
     derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int
 ) -> tuple[Callable[..., bool], bool]:
     """Return the code that steps a law of user functions, and whether numba compiled it."""
-    plain = build_user_stepper(return_array(derivative), force)
+    plain = _build_user_stepper(_return_array(derivative), force)
     try:
         quick = [njit(error_model="numpy")(getattr(function, "py_func", function)) for function in (derivative, force)]
-        compiled = njit(error_model="numpy")(build_user_stepper(*quick))
+        compiled = njit(error_model="numpy")(_build_user_stepper(*quick))
         trial = Body(False, 1.0, 0.0, 0.0)
         compiled(trial, np.zeros(2), np.zeros(size), np.zeros((1, 3)), 1e-9, 1, np.zeros((1, 4)))
     except Exception:  # numba refuses in many ways; an error in the functions shows when they run uncompiled
@@ -169,10 +169,10 @@ def user_law_loops(derivative: Callable[..., ArrayLike], force: Callable[..., fl
     ) -> bool:
         return kernel(body, state[:2], stack[0, :size], drive, h, n, out)  # X and V come first
 
-    return wrap_loops_kernel(njit(error_model="numpy")(advance) if compiled else advance, compiled)
+    return _wrap_loops_kernel(njit(error_model="numpy")(advance) if compiled else advance, compiled)
 
 
-def return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
+def _return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
     """Return the derivative wrapped to give an array, whatever sequence the function gives."""
 
     def wrapped(x: float, v: float, z: Array) -> Array:
@@ -181,7 +181,7 @@ def return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
     return wrapped
 
 
-def build_user_stepper(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
+def _build_user_stepper(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
     """Return a fourth-order Runge-Kutta stepper over position, velocity and state."""
 
     def advance(body: Body, place: Array, z: Array, drive: Array, h: float, substeps: int, out: Array) -> bool:

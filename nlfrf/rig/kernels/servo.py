@@ -23,13 +23,13 @@ from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 Array = np.ndarray
 #: Numbers of the drive, in the order in which the kernel reads them.
 GAINS = ("kv", "feedforward", "kp", "integral", "smoothing", "current_limit", "lag", "delay", "resolution")
-KV, FEEDFORWARD, KP, INTEGRAL, SMOOTHING, LIMIT, LAG, DELAY, RESOLUTION = range(len(GAINS))
+_KV, _FEEDFORWARD, _KP, _INTEGRAL, _SMOOTHING, _LIMIT, _LAG, _DELAY, _RESOLUTION = range(len(GAINS))
 #: Columns of what the drive writes.
 SIGNALS = ("position", "velocity", "velocity_set", "current_set", "current", "unlimited")
-POSITION, VELOCITY, VELOCITY_SET, CURRENT_SET, CURRENT, UNLIMITED = range(len(SIGNALS))
+_POSITION, _VELOCITY, _VELOCITY_SET, _CURRENT_SET, _CURRENT, _UNLIMITED = range(len(SIGNALS))
 
 
-def build_servo_kernel(stamp: str) -> Callable[..., int]:
+def _build_servo_kernel(stamp: str) -> Callable[..., int]:
     """Return the kernel, cached under the digest of the files it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
@@ -65,9 +65,9 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
         work, sections = np.zeros((N_ROWS, axes)), np.zeros((filters.shape[0], 2))
         invert_free_mass(machine, laws, states)
         drive, out = np.zeros((steps + 1, 3, axes)), np.empty((1, 4, axes))
-        whole = int(gains[DELAY])
-        part = gains[DELAY] - whole
-        limit, lag, resolution = gains[LIMIT], gains[LAG], gains[RESOLUTION]
+        whole = int(gains[_DELAY])
+        part = gains[_DELAY] - whole
+        limit, lag, resolution = gains[_LIMIT], gains[_LAG], gains[_RESOLUTION]
         sum_of_errors, speed, by_position, i = 0.0, 0.0, 0.0, 0.0
         last, last_set = states[encoder, X], position[0]
         for k in range(samples):
@@ -76,16 +76,16 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
                 y = resolution * np.round(y / resolution)
             if k == 0:  # a drive that is switched on has read its encoder before
                 last = y
-            speed += gains[SMOOTHING] * ((y - last) * fs - speed)
+            speed += gains[_SMOOTHING] * ((y - last) * fs - speed)
             last = y
             current_set_point, error = 0.0, 0.0
             if closed:
                 if k % position_every == 0:
                     ahead = (position[k] - last_set) * fs / position_every
-                    by_position = gains[KV] * (position[k] - y) + gains[FEEDFORWARD] * ahead
+                    by_position = gains[_KV] * (position[k] - y) + gains[_FEEDFORWARD] * ahead
                     last_set = position[k]
                 error = by_position + velocity[k] - speed
-                current_set_point = gains[KP] * error + sum_of_errors
+                current_set_point = gains[_KP] * error + sum_of_errors
                 for s in range(filters.shape[0]):  # direct form II, transposed
                     new = filters[s, 0] * current_set_point + sections[s, 0]
                     sections[s, 0] = filters[s, 1] * current_set_point - filters[s, 4] * new + sections[s, 1]
@@ -94,16 +94,16 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
             unlimited = current_set_point + current[k]
             limited = min(max(unlimited, -limit), limit)
             if (unlimited - limited) * error <= 0.0:  # anti-windup: no further into the limit
-                sum_of_errors += gains[INTEGRAL] * error
-            signals[k, POSITION], signals[k, VELOCITY] = y, speed
-            signals[k, VELOCITY_SET] = by_position + velocity[k] if closed else 0.0
-            signals[k, CURRENT_SET], signals[k, CURRENT], signals[k, UNLIMITED] = limited, i, unlimited
+                sum_of_errors += gains[_INTEGRAL] * error
+            signals[k, _POSITION], signals[k, _VELOCITY] = y, speed
+            signals[k, _VELOCITY_SET] = by_position + velocity[k] if closed else 0.0
+            signals[k, _CURRENT_SET], signals[k, _CURRENT], signals[k, _UNLIMITED] = limited, i, unlimited
             for piece in range(2):
                 span = part if piece == 0 else 1.0 - part
                 if span <= 0.0:
                     continue
                 place = k - whole - 1 + piece
-                target = signals[place, CURRENT_SET] if place >= 0 else 0.0
+                target = signals[place, _CURRENT_SET] if place >= 0 else 0.0
                 count = int(np.ceil(span * steps))
                 h = span / (count * fs)
                 keep = math.exp(-0.5 * h / lag) if lag > 0.0 else 0.0
@@ -125,5 +125,5 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
     return servo
 
 
-HASHED_FILES = (*CALLED_FILES, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
-step_servo: Callable[..., int] = build_servo_kernel(digest_files(*HASHED_FILES))
+_HASHED_FILES = (*CALLED_FILES, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
+step_servo: Callable[..., int] = _build_servo_kernel(digest_files(*_HASHED_FILES))

@@ -32,16 +32,16 @@ def stribeck_force(law: Law, v: float) -> float:
 
 
 @compiled
-def drive_at(u: tuple[float, float, float], s: float) -> float:
+def _drive_at(u: tuple[float, float, float], s: float) -> float:
     """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
 @compiled
-def sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
+def _sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
     """Return position and velocity after the part a..b of a step that slides in the direction d."""
     h, w, k, c = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping + law.sigma2
-    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
+    u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
     x, v = step.x, step.v
     a1 = w * (u1 - k * x - c * v - d * stribeck_force(law, v))
     v2 = v + 0.5 * h * a1
@@ -54,17 +54,17 @@ def sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float)
 
 
 @compiled
-def locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
+def _locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
     """Find where after a the force on a stuck mass passes the static friction, and its direction; (1, 0) if not."""
     spring = body.stiffness * step.x
-    end = drive_at(step.u, 1.0) - spring
+    end = _drive_at(step.u, 1.0) - spring
     if abs(end) <= law.Fs:
         return 1.0, 0.0
     d = 1.0 if end > 0.0 else -1.0
     low, high = a, 1.0
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if d * (drive_at(step.u, middle) - spring) > law.Fs:
+        if d * (_drive_at(step.u, middle) - spring) > law.Fs:
             high = middle
         else:
             low = middle
@@ -72,12 +72,12 @@ def locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float
 
 
 @compiled
-def locate_stop(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
+def _locate_stop(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
     """Find where after a the velocity passes zero: false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
-        _, e = sliding_step(body, law, d, step, a, b)
+        _, e = _sliding_step(body, law, d, step, a, b)
         if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
             break
         if e * e0 > 0.0:
@@ -115,16 +115,16 @@ def advance_coulomb(
             d = state[DIRECTION]
             step = Step(x, v, u, h)
             if d == 0.0:
-                a, state[DIRECTION] = locate_break_away(body, law, step, a)
+                a, state[DIRECTION] = _locate_break_away(body, law, step, a)
             else:
-                x1, v1 = sliding_step(body, law, d, step, a, 1.0)
+                x1, v1 = _sliding_step(body, law, d, step, a, 1.0)
                 if d * v1 > 0.0:
                     x, v, a = x1, v1, 1.0
                 else:
-                    b = locate_stop(body, law, d, step, a, v1) if v != 0.0 else a
-                    x, _ = sliding_step(body, law, d, step, a, b)
+                    b = _locate_stop(body, law, d, step, a, v1) if v != 0.0 else a
+                    x, _ = _sliding_step(body, law, d, step, a, b)
                     v, a = 0.0, b
-                    force = drive_at(u, b) - body.stiffness * x
+                    force = _drive_at(u, b) - body.stiffness * x
                     state[DIRECTION] = 0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
             if a >= 1.0:
                 break
@@ -158,7 +158,7 @@ def elements_force(
 
 
 @compiled
-def trial_step(
+def _trial_step(
     body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float]:
     """Try the part a..b of a Runge-Kutta step: x, v, and keep and gain of the slipping elements at its end.
@@ -167,7 +167,7 @@ def trial_step(
     serve all elements at once.
     """
     h, w, k, c, n = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping, law.n
-    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
+    u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
     x, v, driven = step.x, step.v, body.driven
     r = n / stribeck_force(law, v)
     k1, g1 = -r, n
@@ -191,14 +191,14 @@ def trial_step(
 
 
 @compiled
-def locate_reversal(
+def _locate_reversal(
     body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, v1: float
 ) -> float:
     """Find where after a the velocity passes zero: false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
-        _, e, _, _ = trial_step(body, law, grid, stack, d, step, a, b)
+        _, e, _, _ = _trial_step(body, law, grid, stack, d, step, a, b)
         if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
             break
         if e * e0 > 0.0:
@@ -252,14 +252,14 @@ def advance_gms(
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         step = Step(x, v, u, h)
-        x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, 0.0, 1.0)
+        x1, v1, keep, gain = _trial_step(body, law, grid, stack, d, step, 0.0, 1.0)
         if v * v1 < 0.0:
-            b = locate_reversal(body, law, grid, stack, d, step, 0.0, v1)
-            x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, 0.0, b)
+            b = _locate_reversal(body, law, grid, stack, d, step, 0.0, v1)
+            x1, v1, keep, gain = _trial_step(body, law, grid, stack, d, step, 0.0, b)
             commit_elements(law, grid, stack, d, step, x1, v1, keep, gain)
             stack[1, :] = 0.0
             d, step = -d, Step(x1, v1, u, h)
-            x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, b, 1.0)
+            x1, v1, keep, gain = _trial_step(body, law, grid, stack, d, step, b, 1.0)
         elif d == 0.0:
             d = 1.0 if v1 > 0.0 else -1.0
         commit_elements(law, grid, stack, d, step, x1, v1, keep, gain)
@@ -275,36 +275,36 @@ def advance_gms(
 
 
 #: Rows of the memory of the elements: force, direction of slip, time of rest, number drawn.
-ELEMENT_FORCE, SLIP, REST, DRAWN = range(4)
+_ELEMENT_FORCE, _SLIP, _REST, _DRAWN = range(4)
 
 
 @compiled
-def slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
+def _slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
     """Return the force that the slider of an element holds, or slips at, in the direction d."""
     m = 1.0
-    if stack[SLIP, i] == d:
+    if stack[_SLIP, i] == d:
         q = v / law.vs
         m *= math.exp(-q * q)
     elif grid[4, i] > 0.0:
-        m *= 1.0 - math.exp(-stack[REST, i] / grid[4, i])
+        m *= 1.0 - math.exp(-stack[_REST, i] / grid[4, i])
     if grid[3, i] > 0.0:
         m *= 0.5 * (1.0 + math.cos(grid[3, i] * x + grid[2, i]))
     if d < 0.0:
         m *= 1.0 - grid[5, i]
     if grid[6, i] > 0.0:
-        m *= stack[DRAWN, i]
+        m *= stack[_DRAWN, i]
     least = 1.0 / law.n
     return grid[1, i] * (least + (1.0 - least) * m)
 
 
 @compiled
-def element_force_on_trial(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
+def _element_force_on_trial(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
     """Return the force of an element after a move, without committing it."""
-    force = stack[ELEMENT_FORCE, i] + grid[0, i] * move
+    force = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
     if abs(force) * law.n <= grid[1, i]:  # less than any slider slips at
         return force
     d = 1.0 if force > 0.0 else -1.0
-    most = slider_force(law, grid, stack, i, d, x, v)
+    most = _slider_force(law, grid, stack, i, d, x, v)
     return d * most if abs(force) > most else force
 
 
@@ -313,26 +313,26 @@ def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v:
     """Return the force of all elements after a move, without committing it."""
     force = 0.0
     for i in range(grid.shape[1]):
-        force += element_force_on_trial(law, grid, stack, i, move, x, v)
+        force += _element_force_on_trial(law, grid, stack, i, move, x, v)
     return force
 
 
 @compiled
-def give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float) -> float:
+def _give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float) -> float:
     """Return the force of an element that gives way within a step, and whose velocity goes from v0 to v.
 
     It drops at the velocity at which it gives way. One that sticks again, as it does where the motion slows down,
     remembers how far: with the velocity at the end of the step, the force jumps where a strength moves over a step.
     """
-    d = 1.0 if stack[ELEMENT_FORCE, i] + grid[0, i] * move > 0.0 else -1.0
-    held, stretch = d * stack[ELEMENT_FORCE, i], d * grid[0, i] * move
-    most = slider_force(law, grid, stack, i, d, x, v)
+    d = 1.0 if stack[_ELEMENT_FORCE, i] + grid[0, i] * move > 0.0 else -1.0
+    held, stretch = d * stack[_ELEMENT_FORCE, i], d * grid[0, i] * move
+    most = _slider_force(law, grid, stack, i, d, x, v)
     part = min(max(0.0, (most - held) / stretch), 1.0) if stretch > 0.0 else 1.0
-    stack[SLIP, i] = d
-    after = min(most, slider_force(law, grid, stack, i, d, x, v0 + part * (v - v0))) + (1.0 - part) * stretch
-    least = slider_force(law, grid, stack, i, d, x, v)
+    stack[_SLIP, i] = d
+    after = min(most, _slider_force(law, grid, stack, i, d, x, v0 + part * (v - v0))) + (1.0 - part) * stretch
+    least = _slider_force(law, grid, stack, i, d, x, v)
     if after < least:
-        stack[SLIP, i], stack[REST, i] = 0.0, 0.0
+        stack[_SLIP, i], stack[_REST, i] = 0.0, 0.0
     return d * min(after, least)
 
 
@@ -340,22 +340,22 @@ def give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float,
 def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v0: float, v: float, h: float) -> None:
     """Commit the elements at the end of a step: which slip now, and how long the others have rested."""
     for i in range(grid.shape[1]):
-        stuck = stack[ELEMENT_FORCE, i] + grid[0, i] * move
-        force = element_force_on_trial(law, grid, stack, i, move, x, v)
+        stuck = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
+        force = _element_force_on_trial(law, grid, stack, i, move, x, v)
         if force == stuck:
-            if stack[SLIP, i] != 0.0:
-                drawn = stack[DRAWN, i] * 9301.0 + 0.49297 + 0.618 * grid[6, i] + 0.31 * i
-                stack[DRAWN, i] = drawn - math.floor(drawn)
-                stack[REST, i] = 0.0
-            stack[SLIP, i] = 0.0
-            stack[REST, i] += h
-        elif stack[SLIP, i] * stuck > 0.0:
+            if stack[_SLIP, i] != 0.0:
+                drawn = stack[_DRAWN, i] * 9301.0 + 0.49297 + 0.618 * grid[6, i] + 0.31 * i
+                stack[_DRAWN, i] = drawn - math.floor(drawn)
+                stack[_REST, i] = 0.0
+            stack[_SLIP, i] = 0.0
+            stack[_REST, i] += h
+        elif stack[_SLIP, i] * stuck > 0.0:
             # it slips at what it slips at, which is no more than what it held
-            most = slider_force(law, grid, stack, i, stack[SLIP, i], x, v)
-            force = stack[SLIP, i] * min(abs(force), most)
+            most = _slider_force(law, grid, stack, i, stack[_SLIP, i], x, v)
+            force = stack[_SLIP, i] * min(abs(force), most)
         else:
-            force = give_way(law, grid, stack, i, move, x, v0, v)
-        stack[ELEMENT_FORCE, i] = force
+            force = _give_way(law, grid, stack, i, move, x, v0, v)
+        stack[_ELEMENT_FORCE, i] = force
 
 
 @compiled
@@ -365,7 +365,7 @@ def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: f
         last = max(0, j - 1)
         commit_sliders(law, grid, stack, x[j] - x[last], x[j], v[last], v[j], h)
         for i in range(grid.shape[1]):
-            out[i, j] = stack[ELEMENT_FORCE, i]
+            out[i, j] = stack[_ELEMENT_FORCE, i]
 
 
 @compiled
@@ -410,20 +410,20 @@ def advance_sliders(
 # linear equation, each with a force of its own.
 
 #: Share of the response to a step that friction falling with the speed may take away: more of it is not resolved.
-MOST_FALL = 0.5
+_MOST_FALL = 0.5
 #: Rows of the memory of an element: deflection, direction of slip; after a step: deflection, 1 where it slips and 2
 #: where it slipped and stuck again, by direction; by how much its slider jumps where it gives way, at which part of
 #: the step, and how much it weakens with the speed.
-HELD, SLIPS, AFTER, MOVED, JUMP, PART, WEAKER = range(7)
+_HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 
 
 @compiled
-def move_element(
+def _move_element(
     D: float, rho: float, vs: float, before: tuple[float, float], trial: float, v0: float, v: float
 ) -> tuple[float, float, float, float]:
     """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` where it sticks; before HELD and SLIPS.
 
-    It gives way as in `give_way`.
+    It gives way as in `_give_way`.
     """
     d, least, q = 1.0 if trial > 0.0 else -1.0, D / rho, v / vs
     if abs(trial) <= least:
@@ -481,15 +481,15 @@ def follow_load(
         for trial in range(2):  # which sliders move where none did so far, and then how far
             slipping = moved = early = 0.0
             for i in range(E):
-                at, before = memory[HELD, i] + x1 - x, (memory[HELD, i], memory[SLIPS, i])
-                after = move_element(elements[1, i], rho, vs, before, at, v, v1)
-                memory[AFTER, i], memory[MOVED, i], memory[JUMP, i], memory[PART, i] = after
-                early += elements[0, i] * memory[JUMP, i] * (0.5 - memory[PART, i])
-                if abs(memory[MOVED, i]) == 1.0:
+                at, before = memory[_HELD, i] + x1 - x, (memory[_HELD, i], memory[_SLIPS, i])
+                after = _move_element(elements[1, i], rho, vs, before, at, v, v1)
+                memory[_AFTER, i], memory[_MOVED, i], memory[_JUMP, i], memory[_PART, i] = after
+                early += elements[0, i] * memory[_JUMP, i] * (0.5 - memory[_PART, i])
+                if abs(memory[_MOVED, i]) == 1.0:
                     slipping += elements[0, i]
-                    moved += elements[0, i] * (memory[HELD, i] - x - memory[AFTER, i])
-                elif memory[MOVED, i] != 0.0:
-                    moved += elements[0, i] * (at - memory[AFTER, i])
+                    moved += elements[0, i] * (memory[_HELD, i] - x - memory[_AFTER, i])
+                elif memory[_MOVED, i] != 0.0:
+                    moved += elements[0, i] * (at - memory[_AFTER, i])
             if trial == 1 or (slipping == 0.0 and moved == 0.0):
                 break
             force = (slipping * stuck_x + moved) / (1.0 - end_x * slipping)
@@ -498,16 +498,16 @@ def follow_load(
             x1, v1 = stuck_x + end_x * force + all_x * bend, stuck_v + end_v * force + all_v * bend
         pushed = 0.0
         for i in range(E):
-            pushed += elements[0, i] * (x1 - memory[AFTER, i])
+            pushed += elements[0, i] * (x1 - memory[_AFTER, i])
         if P > 0:
             rate, q = 0.0, v1 / vs
             near = math.exp(-q * q) * (1.0 - 1.0 / rho)
             for i in range(E):
-                d = memory[MOVED, i]
-                memory[WEAKER, i] = d / max(abs(d), 1.0) * 2.0 * q / vs * near * elements[1, i]
-                rate += elements[0, i] * memory[WEAKER, i]
+                d = memory[_MOVED, i]
+                memory[_WEAKER, i] = d / max(abs(d), 1.0) * 2.0 * q / vs * near * elements[1, i]
+                rate += elements[0, i] * memory[_WEAKER, i]
             left = 1.0 - end_x * slipping
-            left -= min(end_v * rate, MOST_FALL * left)
+            left -= min(end_v * rate, _MOST_FALL * left)
             for p in range(P):
                 force = 0.0
                 if p == 0:
@@ -519,7 +519,7 @@ def follow_load(
                 elif p == 3:
                     force = -v1
                 elif 6 <= p < 6 + E:
-                    force = -elements[0, p - 6] * memory[AFTER, p - 6]
+                    force = -elements[0, p - 6] * memory[_AFTER, p - 6]
                 for i in range(E):
                     force += elements[0, i] * tangents[p, 3 + i]
                 a, b, was = tangents[p, 0], tangents[p, 1], tangents[p, 2]
@@ -527,7 +527,7 @@ def follow_load(
                 b1 = step[1, 0] * a + step[1, 1] * b + step[1, 2] * was + end_v * force
                 way = early = 0.0
                 for i in range(E):
-                    d = memory[MOVED, i]
+                    d = memory[_MOVED, i]
                     if d == 0.0:
                         continue
                     wider = 0.0  # by how much its slider holds more, over its stiffness
@@ -543,11 +543,11 @@ def follow_load(
                         gone = -d / 2.0 * wider
                         if p == 6 + E + i:
                             gone += d / 2.0 * elements[1, i]
-                    if memory[JUMP, i] != 0.0:  # it gives way earlier by a part of the step
-                        later = a + memory[PART, i] * (a1 - a) - tangents[p, 3 + i]
+                    if memory[_JUMP, i] != 0.0:  # it gives way earlier by a part of the step
+                        later = a + memory[_PART, i] * (a1 - a) - tangents[p, 3 + i]
                         if p == 6 + E + i:
                             later -= math.copysign(elements[1, i], d)
-                        early += elements[0, i] * memory[JUMP, i] * later / (x1 - x)
+                        early += elements[0, i] * memory[_JUMP, i] * later / (x1 - x)
                     way += elements[0, i] * gone
                     tangents[p, 3 + i] += gone
                 if slipping != 0.0 or rate != 0.0 or way != 0.0:
@@ -556,12 +556,12 @@ def follow_load(
                     a1, b1 = a1 + end_x * more + all_x * bend, b1 + end_v * more + all_v * bend
                     force += more
                     for i in range(E):
-                        if memory[MOVED, i] != 0.0:
-                            tangents[p, 3 + i] += memory[WEAKER, i] * b1
-                            if abs(memory[MOVED, i]) == 1.0:
+                        if memory[_MOVED, i] != 0.0:
+                            tangents[p, 3 + i] += memory[_WEAKER, i] * b1
+                            if abs(memory[_MOVED, i]) == 1.0:
                                 tangents[p, 3 + i] += a1
                 tangents[p, 0], tangents[p, 1], tangents[p, 2] = a1, b1, force
         x, v = x1, v1
         for i in range(E):
-            memory[HELD, i] = memory[AFTER, i]
-            memory[SLIPS, i] = memory[MOVED, i] if abs(memory[MOVED, i]) == 1.0 else 0.0
+            memory[_HELD, i] = memory[_AFTER, i]
+            memory[_SLIPS, i] = memory[_MOVED, i] if abs(memory[_MOVED, i]) == 1.0 else 0.0

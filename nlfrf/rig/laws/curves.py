@@ -12,7 +12,7 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 
 
 @value(kw_only=False)
-class YieldingCurve:
+class _YieldingCurve:
     """A virgin curve of two numbers: its stiffness at the origin K0 [N/m] and its largest force Fy [N]."""
 
     K0: float
@@ -52,7 +52,7 @@ class Linear:
 
 
 @value(kw_only=False)
-class Tanh(YieldingCurve):
+class Tanh(_YieldingCurve):
     """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
 
     Parameters
@@ -82,7 +82,7 @@ class Tanh(YieldingCurve):
 
 
 @value(kw_only=False)
-class Exponential(YieldingCurve):
+class Exponential(_YieldingCurve):
     """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
 
     Parameters
@@ -110,7 +110,7 @@ class Exponential(YieldingCurve):
 
 
 @value(kw_only=False)
-class Parabola(YieldingCurve):
+class Parabola(_YieldingCurve):
     """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
 
     Parameters
@@ -138,7 +138,7 @@ class Parabola(YieldingCurve):
 
 
 @value(kw_only=False)
-class ElasticPlastic(YieldingCurve):
+class ElasticPlastic(_YieldingCurve):
     """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
 
     Parameters

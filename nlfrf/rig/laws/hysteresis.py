@@ -21,7 +21,7 @@ from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
 
 NO_GRID = np.zeros((3, 1))
-CURVE_CODES: dict[type, int] = {
+_CURVE_CODES: dict[type, int] = {
     Linear: kernel_data.SPRING,
     Tanh: kernel_data.TANH,
     Exponential: kernel_data.EXPONENTIAL,
@@ -84,12 +84,12 @@ def warn_of_forgotten_loops(lost: float) -> None:
 
 def pack_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
     """Return the numbers of a curve and its grid for compiled code."""
-    if type(curve) not in CURVE_CODES:
-        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in CURVE_CODES)}, got {curve!r}")
+    if type(curve) not in _CURVE_CODES:
+        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in _CURVE_CODES)}, got {curve!r}")
     grid = NO_GRID
     if isinstance(curve, Table):
         z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)
         grid = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
     if isinstance(curve, MaxwellSlip):
         grid = np.stack([curve.stiffness, curve.strength, np.zeros(curve.stiffness.size)])
-    return kernel_data.Curve(CURVE_CODES[type(curve)], float(curve.K0), float(curve.Fy)), grid
+    return kernel_data.Curve(_CURVE_CODES[type(curve)], float(curve.K0), float(curve.Fy)), grid

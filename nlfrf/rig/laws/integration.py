@@ -26,7 +26,7 @@ def integrate(
     None where the step was too long to be stable.
     """
     if isinstance(law, UserLawData):
-        return integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
+        return _integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
     from nlfrf.rig.kernels import leuven, slip
 
     kernels: dict[float, Callable[..., bool]] = {
@@ -40,7 +40,7 @@ def integrate(
     return out if stable else None
 
 
-def integrate_user_law(
+def _integrate_user_law(
     body: kernel_data.Body,
     law: OwnFriction,
     *,

@@ -112,7 +112,7 @@ class UserLawData(kernel_data.Law):
     functions: OwnFriction
 
 
-def pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
+def _pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
     """Return the numbers of a law of user functions for the integration."""
     spring = kernel_data.Curve(kernel_data.SPRING, float(law.stiffness), np.inf)
     numbers = UserLawData(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
@@ -193,7 +193,7 @@ class VaryingSliders:
         require_integer("seed", self.seed, least=0)
 
 
-def pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
+def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
     """Return the numbers and grid for compiled code: stiffness, strength, phase, four numbers that elements share."""
     total, strength = float(np.sum(law.stiffness)), float(np.sum(law.strength))
     n = law.stiffness.size
@@ -250,7 +250,7 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
     path, speed = (np.ascontiguousarray(require_real_array(name, one, ndim=1)) for name, one in (("x", x), ("v", v)))
     if path.size != speed.size or not path.size:
         raise ValueError(f"x and v must have the same number of samples, at least one, got {path.size}, {speed.size}")
-    law, grid = pack_sliders(sliders)
+    law, grid = _pack_sliders(sliders)
     memory = kernel_data.initial_memory(law.curve, grid)
     forces = np.empty((grid.shape[1], path.size))
     follow_sliders(law, grid, memory.stack, path, speed, 1 / require_positive("fs", fs), forces)
@@ -379,13 +379,13 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         require_positive("Fc", self.Fc)
-        if not is_given(self.Fs):
+        if not _is_given(self.Fs):
             object.__setattr__(self, "Fs", self.Fc)
-        if not is_given(self.vs):
+        if not _is_given(self.vs):
             if require_positive("Fs", self.Fs) > self.Fc:
                 raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
             object.__setattr__(self, "vs", 1.0)
-        check_stribeck(self)
+        _check_stribeck(self)
 
 
 @value
@@ -472,7 +472,7 @@ class LuGre:
 
     def __post_init__(self) -> None:
         require_positive("sigma0", self.sigma0)
-        check_stribeck(self)
+        _check_stribeck(self)
 
 
 @value
@@ -529,7 +529,7 @@ class Leuven:
     curve: Curve = Tanh(K0=64e3, Fy=1.0)
 
     def __post_init__(self) -> None:
-        check_stribeck(self)
+        _check_stribeck(self)
         require_positive("n", self.n)
         packed, _ = pack_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
@@ -595,10 +595,10 @@ class GeneralizedMaxwellSlip:
         object.__setattr__(self, "stiffness", shares.stiffness)
         object.__setattr__(self, "alpha", shares.strength)
         require_positive("C", self.C)
-        check_stribeck(self)
+        _check_stribeck(self)
 
 
-def is_given(number: float) -> bool:
+def _is_given(number: float) -> bool:
     """Return whether a parameter was given: its default is nan."""
     return not (isinstance(number, float) and np.isnan(number))
 
@@ -607,7 +607,7 @@ StribeckLaw = Coulomb | LuGre | Leuven | GeneralizedMaxwellSlip
 Friction = StribeckLaw | Dahl | VaryingSliders | OwnFriction
 
 
-def check_stribeck(law: StribeckLaw) -> None:
+def _check_stribeck(law: StribeckLaw) -> None:
     """Refuse numbers that make no Stribeck curve."""
     for name in ("Fc", "vs", "delta"):
         require_positive(name, getattr(law, name))
@@ -626,24 +626,24 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
             return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
         case LuGre():
             spring, grid = pack_curve(Linear(K0=law.sigma0))
-            return pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
+            return _pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
         case Leuven():
             curve, grid = pack_curve(law.curve)
-            return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
+            return _pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
         case Coulomb():
             none = kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
-            return pack_stribeck_law(law, kernel_data.COULOMB, n=1.0, curve=none), NO_GRID
+            return _pack_stribeck_law(law, kernel_data.COULOMB, n=1.0, curve=none), NO_GRID
         case GeneralizedMaxwellSlip():
             curve, grid = pack_curve(MaxwellSlip(stiffness=law.stiffness, strength=law.alpha))
-            return pack_stribeck_law(law, kernel_data.GMS, n=law.C, curve=curve), grid
+            return _pack_stribeck_law(law, kernel_data.GMS, n=law.C, curve=curve), grid
         case VaryingSliders():
-            return pack_sliders(law)
+            return _pack_sliders(law)
         case OwnFriction():
-            return pack_user_law(law)
+            return _pack_user_law(law)
     raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
 
 
-def pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
+def _pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
     """Return the numbers of a law with a Stribeck curve for the kernel `form`; n: its own shape, C of a GMS model."""
     return kernel_data.Law(
         form=form,

@@ -24,9 +24,9 @@ LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
 GRIDS = ("odd", "odd-odd", "special-odd", "random-odd")
 F0, FS = 0.25, 4096.0
 #: First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that leave lines out.
-BAND_LINES = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
+_BAND_LINES = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
 #: Half width [Hz] of what is called "at the resonance".
-RESONANCE_HALF_WIDTH = 3.0
+_RESONANCE_HALF_WIDTH = 3.0
 
 
 @value
@@ -68,7 +68,7 @@ def paper_multisine(
     kind: str, level: int, *, n_realizations: int, rng: np.random.Generator | int | None = None
 ) -> Multisine:
     """Return the paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
-    first, last = BAND_LINES[kind]
+    first, last = _BAND_LINES[kind]
     return multisine(
         kind,
         fs=FS,
@@ -113,14 +113,14 @@ def find_resonance(e: Ensemble) -> float:
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     peak = f[np.argmax(np.abs(G))]
-    near = np.abs(f - peak) <= RESONANCE_HALF_WIDTH
+    near = np.abs(f - peak) <= _RESONANCE_HALF_WIDTH
     a, b, _ = np.polyfit(f[near] - peak, np.abs(G[near]) / np.abs(G).max(), 2)
-    return float(peak - np.clip(b / (2 * a), -RESONANCE_HALF_WIDTH, RESONANCE_HALF_WIDTH)) if a < 0 else float(peak)
+    return float(peak - np.clip(b / (2 * a), -_RESONANCE_HALF_WIDTH, _RESONANCE_HALF_WIDTH)) if a < 0 else float(peak)
 
 
 def is_near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
     """Return a mask of the lines within 3 Hz of the resonance."""
-    return np.abs(lines * e.f0 - find_resonance(e)) <= RESONANCE_HALF_WIDTH
+    return np.abs(lines * e.f0 - find_resonance(e)) <= _RESONANCE_HALF_WIDTH
 
 
 def underestimation_db(e: Ensemble) -> float:

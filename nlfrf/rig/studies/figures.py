@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, RED, GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
+_BLUE, _ORANGE, _GREEN, _RED, _GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
 
 
 def draw_figures(ensembles: Ensembles, rig: Rig) -> dict[str, Figure]:
     """Every figure by its name."""
     names = {"odd": "figure4", "odd-odd": "figure5", "special-odd": "figure6", "random-odd": "random_odd"}
-    grids = {names[kind]: figure_grid(ensembles, kind, rig) for kind in GRIDS}
-    return {"figure3": figure_levels(ensembles), **grids, "figure7": figure_comparison(ensembles)}
+    grids = {names[kind]: _figure_grid(ensembles, kind, rig) for kind in GRIDS}
+    return {"figure3": _figure_levels(ensembles), **grids, "figure7": _figure_comparison(ensembles)}
 
 
-def new_figure(height: float, rows: int) -> tuple[Figure, np.ndarray]:
+def _new_figure(height: float, rows: int) -> tuple[Figure, np.ndarray]:
     """Create a figure that belongs to no window, and its axes as an array, one under the other."""
     from matplotlib.figure import Figure
 
@@ -43,10 +43,10 @@ def new_figure(height: float, rows: int) -> tuple[Figure, np.ndarray]:
     return figure, figure.subplots(rows, sharex=True)
 
 
-def figure_levels(ensembles: Ensembles) -> Figure:
+def _figure_levels(ensembles: Ensembles) -> Figure:
     """Draw figure 3: the BLA at the three levels, amplitude and phase."""
-    figure, (top, bottom) = new_figure(7, 2)
-    for level, colour in zip(LEVELS, (BLUE, GREEN, RED), strict=True):
+    figure, (top, bottom) = _new_figure(7, 2)
+    for level, colour in zip(LEVELS, (_BLUE, _GREEN, _RED), strict=True):
         e = ensembles[level, "odd"]
         G, variance = frf(e)
         f = e.lines.excited * e.f0
@@ -56,52 +56,52 @@ def figure_levels(ensembles: Ensembles) -> Figure:
         bottom.plot(f, np.degrees(np.unwrap(np.angle(G))), color=colour)
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 3. BLA on the odd grid (dotted: its standard deviation)")
     bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
-    return add_grids(figure, (top, bottom))
+    return _add_grids(figure, (top, bottom))
 
 
-def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
+def _figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
     """Draw figures 4 to 6: the output on excited and detection lines at the three levels."""
-    figure, axes = new_figure(11, 3)
+    figure, axes = _new_figure(11, 3)
     number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
     for level, ax in zip(LEVELS, axes, strict=True):
         e = ensembles[level, kind]
         f = e.lines.excited * e.f0
-        ax.plot(f, 2 * power_db(np.abs(output_linear(e))), color=BLUE, label="linear output, eq. (7)")
-        ax.plot(f, 2 * power_db(output_stochastic(e)), color=RED, label="stochastic distortion, eq. (8)")
+        ax.plot(f, 2 * power_db(np.abs(output_linear(e))), color=_BLUE, label="linear output, eq. (7)")
+        ax.plot(f, 2 * power_db(output_stochastic(e)), color=_RED, label="stochastic distortion, eq. (8)")
         if e.lines.odd.size:
             ax.plot(
                 e.lines.odd * e.f0,
                 2 * power_db(output_rms(e, e.lines.odd)),
                 ".",
                 ms=4,
-                color=ORANGE,
+                color=_ORANGE,
                 label="odd lines, eq. (9)",
             )
         even = output_rms(e, e.lines.even)
         floor = 2 * power_db(np.sqrt(np.mean(even**2)))
         if kind == "special-odd":
             odd = np.interp(e.lines.excited, e.lines.odd, 2 * power_db(output_rms(e, e.lines.odd)))
-            ax.plot(f, odd + systematic_over_detection(e, rig), color=GREEN, lw=0.8, label="systematic distortion")
+            ax.plot(f, odd + systematic_over_detection(e, rig), color=_GREEN, lw=0.8, label="systematic distortion")
         ax.plot(
             e.lines.even * e.f0,
             2 * power_db(even),
             ".",
             ms=2,
-            color=GREY,
+            color=_GREY,
             label=f"even lines, eq. (9): rms {floor:.0f} dB",
         )
         ax.set(ylabel="output [dB re 1 m]", title=f"level {level}, {LEVELS[level]:g} N rms")
     axes[0].set_title(f"{number}{kind.capitalize()} grid: level 1, {LEVELS[1]:g} N rms")
     axes[-1].set_xlabel("frequency [Hz]")
-    return add_grids(figure, axes)
+    return _add_grids(figure, axes)
 
 
-def figure_comparison(ensembles: Ensembles) -> Figure:
+def _figure_comparison(ensembles: Ensembles) -> Figure:
     """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard deviation."""
-    figure, (top, bottom) = new_figure(7, 2)
+    figure, (top, bottom) = _new_figure(7, 2)
     G_odd, variance = frf(ensembles[1, "odd"])
     lines = ensembles[1, "odd"].lines.excited
-    for kind, colour in zip(GRIDS[:3], (BLUE, ORANGE, GREEN), strict=True):
+    for kind, colour in zip(GRIDS[:3], (_BLUE, _ORANGE, _GREEN), strict=True):
         e = ensembles[1, kind]
         G, other = frf(e)
         f = e.lines.excited * e.f0
@@ -112,10 +112,10 @@ def figure_comparison(ensembles: Ensembles) -> Figure:
             bottom.plot(f[j], power_db(variance[i] + other[j]), color=colour, lw=0.8, label="standard deviation of it")
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 7. Three grids, one BLA (level 1)")
     bottom.set(xlabel="frequency [Hz]", ylabel="difference [dB re 1 m/N]")
-    return add_grids(figure, (top, bottom))
+    return _add_grids(figure, (top, bottom))
 
 
-def add_grids(figure: Figure, axes: Iterable[Axes]) -> Figure:
+def _add_grids(figure: Figure, axes: Iterable[Axes]) -> Figure:
     """Add grids and legends to a figure."""
     for ax in axes:
         finish_axes(ax)

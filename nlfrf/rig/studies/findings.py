@@ -83,11 +83,11 @@ class Finding:
 def judge_findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
     """Judge the paper's conclusions F1 to F6 on the ensembles of (level, grid)."""
     return [
-        judge_resonances(ensembles),
-        judge_even_lines(ensembles),
-        judge_equal_blas(ensembles),
-        judge_odd_odd(ensembles),
-        judge_level_read(
+        _judge_resonances(ensembles),
+        _judge_even_lines(ensembles),
+        _judge_equal_blas(ensembles),
+        _judge_odd_odd(ensembles),
+        _judge_level_read(
             ensembles,
             "special-odd",
             within=4.8,
@@ -97,9 +97,9 @@ def judge_findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
             remark="The detection lines read too little, and by how much follows from counting combinations: a factor "
             "of three (4.77 dB) in a band of neighbours, 0 to 3.1 dB in a wide one.",
         ),
-        judge_systematic(ensembles, rig),
-        judge_single_experiment(ensembles),
-        judge_level_read(  # the grid that the paper recommends for further study
+        _judge_systematic(ensembles, rig),
+        _judge_single_experiment(ensembles),
+        _judge_level_read(  # the grid that the paper recommends for further study
             ensembles,
             "random-odd",
             within=1.5,
@@ -112,7 +112,7 @@ def judge_findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
     ]
 
 
-def judge_resonances(ensembles: Ensembles) -> Finding:
+def _judge_resonances(ensembles: Ensembles) -> Finding:
     """Judge F1: resonances at about 59 Hz in presliding and 45 Hz in sliding."""
     ours = {
         f"level {level}, {kind} [Hz]": find_resonance(ensembles[level, kind])
@@ -133,7 +133,7 @@ def judge_resonances(ensembles: Ensembles) -> Finding:
     )
 
 
-def judge_even_lines(ensembles: Ensembles) -> Finding:
+def _judge_even_lines(ensembles: Ensembles) -> Finding:
     """Judge F2: the even detection lines."""
     ours = {}
     for level in (1, 2, 3):
@@ -153,7 +153,7 @@ def judge_even_lines(ensembles: Ensembles) -> Finding:
     )
 
 
-def judge_equal_blas(ensembles: Ensembles) -> Finding:
+def _judge_equal_blas(ensembles: Ensembles) -> Finding:
     """Judge F3: the same BLA on every grid."""
     ours = {
         f"level {level}, {a} and {b}": normalised_difference(ensembles[level, a], ensembles[level, b])
@@ -170,7 +170,7 @@ def judge_equal_blas(ensembles: Ensembles) -> Finding:
     )
 
 
-def judge_odd_odd(ensembles: Ensembles) -> Finding:
+def _judge_odd_odd(ensembles: Ensembles) -> Finding:
     """Judge F4: odd-odd grids underestimate the distortion."""
     ours = {f"level {level} [dB]": underestimation_db(ensembles[level, "odd-odd"]) for level in (1, 2, 3)}
     return Finding(
@@ -185,7 +185,7 @@ def judge_odd_odd(ensembles: Ensembles) -> Finding:
     )
 
 
-def judge_level_read(ensembles: Ensembles, kind: str, *, within: float, **words: str) -> Finding:
+def _judge_level_read(ensembles: Ensembles, kind: str, *, within: float, **words: str) -> Finding:
     """Judge whether detection lines of a grid read the stochastic distortion."""
     sigma = bootstrap_sigma(ensembles[1, kind], underestimation_db)
     ours = {f"level {level} [dB]": underestimation_db(ensembles[level, kind]) for level in (1, 2, 3)}
@@ -197,7 +197,7 @@ def judge_level_read(ensembles: Ensembles, kind: str, *, within: float, **words:
     )
 
 
-def judge_systematic(ensembles: Ensembles, rig: Rig) -> Finding:
+def _judge_systematic(ensembles: Ensembles, rig: Rig) -> Finding:
     """Judge F5, the systematic part."""
     ours = {}
     for level in (1, 2):
@@ -219,7 +219,7 @@ def judge_systematic(ensembles: Ensembles, rig: Rig) -> Finding:
     )
 
 
-def judge_single_experiment(ensembles: Ensembles) -> Finding:
+def _judge_single_experiment(ensembles: Ensembles) -> Finding:
     """Judge F6: one experiment alone."""
     e = ensembles[1, "special-odd"]
     ours = {}
@@ -245,31 +245,31 @@ def judge_single_experiment(ensembles: Ensembles) -> Finding:
 # The power spectrum is the same for all: independent values, each held for 1/64 s, so long that the rig feels
 # their distribution and not the sum of many of them.
 
-HELD_CLOCK = 64.0
-HELD_RMS = 0.5
+_HELD_CLOCK = 64.0
+_HELD_RMS = 0.5
 #: Lines on which the held signals are compared: below the clock's Nyquist frequency.
-COMPARED_LINES = np.arange(4, round(0.45 * HELD_CLOCK / F0))
+_COMPARED_LINES = np.arange(4, round(0.45 * _HELD_CLOCK / F0))
 SIGNALS = ("multisine", "another multisine", "Gaussian", "uniform", "binary")
 
 
 def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator) -> np.ndarray:
     """Draw (M, n) values of one period, white, of rms 0.5 N."""
-    n = round(HELD_CLOCK / F0)
+    n = round(_HELD_CLOCK / F0)
     shape = (n_realizations, n)
     match signal:
         case "Gaussian":
-            return HELD_RMS * rng.standard_normal(shape)
+            return _HELD_RMS * rng.standard_normal(shape)
         case "uniform":
-            return HELD_RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
+            return _HELD_RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
         case "binary":
-            return HELD_RMS * rng.choice([-1.0, 1.0], shape)
+            return _HELD_RMS * rng.choice([-1.0, 1.0], shape)
     spectrum = np.zeros((n_realizations, n // 2 + 1), dtype=complex)
     spectrum[:, 1 : n // 2] = np.exp(2j * np.pi * rng.uniform(size=(n_realizations, n // 2 - 1)))
     force = np.fft.irfft(spectrum, n)
-    return HELD_RMS * force / force.std(axis=1, keepdims=True)
+    return _HELD_RMS * force / force.std(axis=1, keepdims=True)
 
 
-def simulate_held(held: tuple[Rig, np.ndarray]) -> Arrays:
+def _simulate_held(held: tuple[Rig, np.ndarray]) -> Arrays:
     """Return the third period of held values on a rig and of the position, 4096 steps a second; runs in a worker."""
     n, (rig, values) = round(FS / F0), held
     force = np.repeat(values, n // values.size)
@@ -277,7 +277,7 @@ def simulate_held(held: tuple[Rig, np.ndarray]) -> Arrays:
     return {"u": force, "y": moved.x[-n:].copy()}
 
 
-def simulate_random_amplitudes(
+def _simulate_random_amplitudes(
     rig: Rig,
     n_realizations: int,
     rng: np.random.Generator,
@@ -315,11 +315,11 @@ def judge_side_remarks(
     """Judge S1 to S3: `odd` is the odd multisine at level 1, `run` is `run_all`, `count(n)` its progress after n."""
     m = odd.n_realizations
     held = [(rig, row) for signal in SIGNALS for row in draw_held_values(signal, m, rng)]
-    results = run(simulate_held, held, progress=count(0))
+    results = run(_simulate_held, held, progress=count(0))
     u, y = (np.stack([one[name] for one in results]).reshape(len(SIGNALS), m, 1, -1) for name in ("u", "y"))
-    records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=COMPARED_LINES)) for i in range(len(SIGNALS))]
+    records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=_COMPARED_LINES)) for i in range(len(SIGNALS))]
     first, *others = map(ensemble_spectra, records)
-    random = simulate_random_amplitudes(rig, m, rng, run=partial(run, progress=count(len(held))))
+    random = _simulate_random_amplitudes(rig, m, rng, run=partial(run, progress=count(len(held))))
     difference = dict(zip(SIGNALS[1:], (normalised_difference(first, other) for other in others), strict=True))
     amplitudes = normalised_difference(odd, random)
     same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}

@@ -26,8 +26,8 @@ from nlfrf.rig.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble_spect
 from nlfrf.rig.studies.figures import draw_figures
 from nlfrf.rig.studies.findings import SIGNALS, Finding, judge_findings, judge_side_remarks
 
-FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd")
-OUTPUT_FILES = (*(f"{name}.png" for name in FIGURES), "findings.json", "findings.md")
+_FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd")
+_OUTPUT_FILES = (*(f"{name}.png" for name in _FIGURES), "findings.json", "findings.md")
 
 
 def reproduce(
@@ -68,7 +68,7 @@ def reproduce(
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"out must be a folder, got the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
-    require_writable(*(folder / name for name in OUTPUT_FILES), role=Role.DERIVED)  # hours before they are written
+    require_writable(*(folder / name for name in _OUTPUT_FILES), role=Role.DERIVED)  # hours before they are written
     rig, rng = paper_rig(), np.random.default_rng(seed)
     total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1)
     done = 0

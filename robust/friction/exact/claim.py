@@ -12,7 +12,7 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import WHOLE
 
-KINDS = ("Maxwell slip", "bristle")
+_KINDS = ("Maxwell slip", "bristle")
 
 
 @value
@@ -163,15 +163,15 @@ class FrictionClaim:
         return (PortClass(**own), *self.other_ports)
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        if self.kind not in _KINDS:
+            raise ValueError(f"kind must be one of {', '.join(_KINDS)}, got {self.kind!r}")
         size = 2 + len(self.other_ports)
         if (self.machine.D.shape, self.controller.D.shape) != ((size, size), (1, 1)):
             raise ValueError(
                 "machine must have an input and an output more than friction ports and the controller one, got other "
                 "shapes"
             )
-        if self.other_ports and (self.kind != KINDS[0] or self.actuator is not None):
+        if self.other_ports and (self.kind != _KINDS[0] or self.actuator is not None):
             raise ValueError("other_ports must be empty but for Maxwell slip without an actuator, got some")
         n = self.V.shape[0]
         if (self.V.shape, self.P.shape) != ((n, n), (*self.P.shape[:2], n, n)):

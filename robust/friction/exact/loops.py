@@ -35,7 +35,7 @@ class ExactLoop:
     jumps: list[fmpq_mat]
 
 
-def continuous_flow(
+def _continuous_flow(
     A: list[list[fmpq]], B: list[list[fmpq]], C: list[list[fmpq]], K: dict[str, list[list[fmpq]]]
 ) -> Rows:
     """Return the flow of a machine and a continuous controller, with the state (machine, K)."""
@@ -53,11 +53,11 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     n, s = claim.machine.order, claim.controller.order
     D, T = K["D"][0][0], to_rational(claim.controller.dt)
     if not T:
-        size, F = n + s, continuous_flow(A, B, C, K)
+        size, F = n + s, _continuous_flow(A, B, C, K)
         spans: list[fmpq] = []
         jumps: list[Rows] = []
     else:
-        whole, part = split_delay(to_rational(claim.delay), T)
+        whole, part = _split_delay(to_rational(claim.delay), T)
         waiting = whole + (part > 0)
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [[*A[i], B[i][0], *[0] * (size - n - 1)] for i in range(n)]
@@ -94,7 +94,7 @@ def block_diagonal(first: fmpq_mat, second: fmpq_mat) -> fmpq_mat:
     return fmpq_mat(rows)
 
 
-def split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
+def _split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     """Split a delay into whole samples and a remainder [s]."""
     near = fmpq(1, 10**9)
     whole = int((delay / T + near).floor())
@@ -156,7 +156,7 @@ def check_actuator(claim: FrictionClaim) -> str:
     return ""
 
 
-def commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
+def _commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
     """Return the row (size,) of the commanded force in the states."""
     C, D = to_rational_matrix(claim.controller.C).tolist(), to_rational_matrix(claim.controller.D).tolist()[0][0]
     measured = to_rational_matrix(claim.machine.C).tolist()[0]
@@ -173,7 +173,7 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     assert claim.actuator is not None
     forgets = [to_rational(phi) for phi in claim.actuator.forgets]
     n, size, extra = loop.F.nrows(), loop.F.nrows() + len(forgets), len(forgets)
-    command_row, zero = commanded_force_row(claim, size), to_rational(0.0)
+    command_row, zero = _commanded_force_row(claim, size), to_rational(0.0)
     F = block_diagonal(loop.F, fmpq_mat(extra, extra)).tolist()
     jumps = [block_diagonal(jump, identity(extra)).tolist() for jump in loop.jumps]
     moved = jumps[0] if jumps else F
@@ -199,7 +199,7 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     n, m = claim.machine.order, loop.F.nrows()
     first = m - len(theta)
     total = sum(theta, start=to_rational(0.0))
-    output_row = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [to_rational(0.0)] * (
+    output_row = [(share * sector + total) / 2 * a for a in _commanded_force_row(claim, m)] + [to_rational(0.0)] * (
         size - m
     )
     input_column = [to_rational(0.0)] * size
@@ -227,7 +227,7 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq
     own = claim.actuator
     assert own is not None
     m, size = loop.F.nrows(), claim.V.shape[0]
-    command_row = commanded_force_row(claim, m)
+    command_row = _commanded_force_row(claim, m)
     rest = [row[0] for row in equilibrium(loop).tolist()]
     held = sum((a * r for a, r in zip(command_row, rest, strict=True)), start=to_rational(0.0))
     left = to_rational(own.limit) - to_rational(own.Fs) * abs(held)

@@ -37,7 +37,7 @@ from robust.proofs.exact.verification import Verification
 
 
 @value(copy=False)
-class ExactSupply:
+class _ExactSupply:
     """A flow z' = A z + B d with jumps, a supply, and the rest of the stored energy, as matrices of rationals.
 
     Fields
@@ -58,7 +58,7 @@ class ExactSupply:
     block: ExactBlock | None = None
 
 
-def check_weights(claim: FrictionClaim) -> str:
+def _check_weights(claim: FrictionClaim) -> str:
     """Return an empty string if the weights are admissible for the class of friction, else what is wrong with them."""
     for port in claim.ports:
         if min([port.free, *port.weights]) < 0 or min([1.0, *port.rates]) <= 0:
@@ -82,15 +82,15 @@ def check_weights(claim: FrictionClaim) -> str:
     return check_actuator(claim)
 
 
-def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+def _exact_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
     """Return the inequality of the class for this loop."""
     if claim.settling is not None:
-        return settling_supply(claim, loop, claim.settling)
-    form = maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else bristle_supply(claim, loop)
-    return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
+        return _settling_supply(claim, loop, claim.settling)
+    form = _maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else _bristle_supply(claim, loop)
+    return form if claim.actuator is None else _with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
 
-def settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> ExactSupply:
+def _settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> _ExactSupply:
     """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
 
     The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d). With several
@@ -98,10 +98,10 @@ def settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> Exa
     """
     ports, zero, decay = claim.ports, to_rational(0.0), to_rational(own.decay)
     filters = [[to_rational(x) for x in port.rates] for port in ports]
-    rests = largest_rests(claim)
+    rests = _largest_rests(claim)
     most = max(rests)
     rest, n, P = equilibrium(loop), loop.F.nrows(), len(ports)
-    A, jumps = with_force_filters(loop, [aj for a in filters for aj in a[1:]])
+    A, jumps = _with_force_filters(loop, [aj for a in filters for aj in a[1:]])
     size, first = len(A), n
     for i in range(size):
         A[i][i] += decay
@@ -131,26 +131,26 @@ def settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> Exa
             stored[d][e] -= held
         R[p][p], R[P + p][P + p] = -sum(lost, start=zero), -to_rational(float(own.rest_weights[p]))
         first += len(a) - 1
-    return ExactSupply(
+    return _ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
 
 
-def largest_rests(claim: FrictionClaim) -> list[fmpq]:
+def _largest_rests(claim: FrictionClaim) -> list[fmpq]:
     """Return how far the friction at each port is from the one of the same elements with constant sliders."""
     return [
         (1 - 1 / to_rational(port.stiction)) * Fs / 2
-        for port, Fs in zip(claim.ports, largest_forces(claim), strict=True)
+        for port, Fs in zip(claim.ports, _largest_forces(claim), strict=True)
     ]
 
 
-def largest_forces(claim: FrictionClaim) -> list[fmpq]:
+def _largest_forces(claim: FrictionClaim) -> list[fmpq]:
     """Return the largest friction force at each port."""
     assert claim.settling is not None
     return [to_rational(claim.settling.Fs), *(to_rational(float(force)) for force in claim.settling.other_Fs)]
 
 
-def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
+def _with_dead_zone(form: _ExactSupply, block: ExactBlock, loop: ExactLoop) -> _ExactSupply:
     """Add the dead zone at the first jump, or in the flow of a continuous loop: its output is one more input."""
     if loop.spans:
         return replace(form, block=block)
@@ -165,14 +165,14 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
-def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
+def _with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
     """Append the filters of the friction force to the flow and to the jumps."""
     extra = len(rates)
     fall = fmpq_mat(extra, extra, [-a if i == j else 0 for i, a in enumerate(rates) for j in range(extra)])
     return block_diagonal(loop.F, fall).tolist(), [block_diagonal(jump, identity(extra)) for jump in loop.jumps]
 
 
-def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+def _maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
     """Return the supply of Maxwell-slip friction: states (y, e_j), inputs d = f - fh_1 a port; theorems T1 and T2."""
     zero, ports, n = to_rational(0.0), claim.ports, loop.F.nrows()
     # at one itself the energy is not positive
@@ -180,8 +180,8 @@ def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     filters = [[to_rational(a) for a in port.rates] for port in ports]
     rest = equilibrium(loop)
     moved = (loop.x * rest).tolist()
-    scales = port_scales(claim, ratios, moved)
-    A, jumps = with_force_filters(loop, [a for own in filters for a in own[1:]])
+    scales = _port_scales(claim, ratios, moved)
+    A, jumps = _with_force_filters(loop, [a for own in filters for a in own[1:]])
     size, P, first = len(A), len(ports), n
     B, Q, N = fmpq_mat(size, P).tolist(), fmpq_mat(size, size).tolist(), fmpq_mat(size, P).tolist()
     R, stored = fmpq_mat(P, P).tolist(), fmpq_mat(size + 2 * P, size + 2 * P).tolist()
@@ -225,12 +225,12 @@ def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
             if shares[p] * moved[p][q] != shares[q] * moved[q][p]:
                 raise ValueError("the rests of the ports are not those of an energy")
             stored[size + 2 * p][size + 2 * q] -= shares[p] * moved[p][q] / 2
-    return ExactSupply(
+    return _ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
 
 
-def port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq]]) -> list[fmpq]:
+def _port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq]]) -> list[fmpq]:
     """Return factors near one on the weights of each port that make s_p X_pq symmetric, where rounding alone does not.
 
     moved : X, the displacement at port p at rest under f_q = 1. A claim may have any weights that are not negative.
@@ -246,14 +246,14 @@ def port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq]
     return scales
 
 
-def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+def _bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
     """Return the supply of bristles: states (y, e_j), inputs gamma = F'/K0 and q = z'; theorem T3."""
     a, nu, mu = [to_rational(x) for x in claim.rates], [to_rational(x) for x in claim.weights], to_rational(claim.free)
     K0, sigma = to_rational(claim.K0), to_rational(claim.microdamping)
     M = [[to_rational(x) for x in row] for row in claim.block]
     rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
     size = n + len(a)
-    A, jumps = with_force_filters(loop, a)
+    A, jumps = _with_force_filters(loop, a)
     B = [[-K0 * r, sigma * b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
     B += [[-K0, to_rational(0.0)] for _ in a]
     x, v = (row.tolist()[0] + [to_rational(0.0)] * (size - n) for row in (loop.x, loop.v))
@@ -271,19 +271,19 @@ def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
         x_e = sum(c * r for c, r in zip(x, rest, strict=False))
         stored[size][size] = mu / (2 * K0) - mu / 2 * x_e
     R = [[M[2][2], M[1][2]], [M[1][2], M[1][1]]]
-    return ExactSupply(
+    return _ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
 
 
-PARTS = (
+_PARTS = (
     "weights of the class",
     "the energy falls between samples",
     "the energy falls at samples",
     "the energy is positive",
 )
-SETTLING_CLAIM = "the position settles within the bound"
-ACTUATOR_CLAIM = "the actuator stays within reach"
+_SETTLING_CLAIM = "the position settles within the bound"
+_ACTUATOR_CLAIM = "the actuator stays within reach"
 
 
 def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
@@ -292,38 +292,38 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
     Not verified is a result, not an error: each part with its reason.
     """
     deadline, own = time.monotonic() + time_cap, claim.settling
-    wrong = check_weights(claim) or check_decay(claim)
-    failed = {PARTS[0]: wrong} if wrong else {}
+    wrong = _check_weights(claim) or _check_decay(claim)
+    failed = {_PARTS[0]: wrong} if wrong else {}
     try:
         loop = exact_loop(claim)
         loop = loop if claim.actuator is None else with_actuator_filters(claim, loop)
-        form = in_coordinates(exact_supply(claim, loop), claim)
+        form = _in_coordinates(_exact_supply(claim, loop), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
-        failed |= check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
+        failed |= _check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
         looked_at = [energy[0][0], energy[-1][-1]] if own is None else [P for interval in energy for P in interval]
-        whole = [full_storage(form.stored, P) for P in looked_at]
+        whole = [_full_storage(form.stored, P) for P in looked_at]
         if not all(map(positive_definite, whole)):
-            failed[PARTS[3]] = "it is not"
+            failed[_PARTS[3]] = "it is not"
         elif claim.actuator is not None:
             beyond = check_reach(claim, loop, energy=energy, stored=whole[-1])
-            failed |= {ACTUATOR_CLAIM: beyond} if beyond else {}
-        elif own is not None and not settles_within(claim, loop, whole):
-            failed[SETTLING_CLAIM] = "the energy allows more"
+            failed |= {_ACTUATOR_CLAIM: beyond} if beyond else {}
+        elif own is not None and not _settles_within(claim, loop, whole):
+            failed[_SETTLING_CLAIM] = "the energy allows more"
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
-    more = [SETTLING_CLAIM] * (own is not None) + [ACTUATOR_CLAIM] * (claim.actuator is not None)
-    proved = tuple(part for part in (*PARTS, *more) if part not in failed) if "the claim" not in failed else ()
+    more = [_SETTLING_CLAIM] * (own is not None) + [_ACTUATOR_CLAIM] * (claim.actuator is not None)
+    proved = tuple(part for part in (*_PARTS, *more) if part not in failed) if "the claim" not in failed else ()
     return Verification(proved=proved, failed=tuple(failed.items()))
 
 
-def check_decay(claim: FrictionClaim) -> str:
+def _check_decay(claim: FrictionClaim) -> str:
     """Return an empty string if rate of decay and class are those of T7, or no bound is claimed, else what is wrong."""
     own = claim.settling
     if own is None:
         return ""
     if claim.kind != "Maxwell slip" or any(port.bristle_time or port.free for port in claim.ports):
         return "only for Maxwell slip without a damper, and without a weight of the friction itself"
-    if not (own.decay > 0 and min(largest_forces(claim)) > 0):
+    if not (own.decay > 0 and min(_largest_forces(claim)) > 0):
         return "decay or Fs is not positive"
     shares = [to_rational(float(share)) for share in own.rest_weights]
     if min(shares) < 0 or sum(shares, start=to_rational(0.0)) > 1:
@@ -336,17 +336,17 @@ def check_decay(claim: FrictionClaim) -> str:
     return "a filter is slower than the decay" if slow else ""
 
 
-def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
+def _settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
     """Return whether the displacement at every port is within the bound where V is at most its value in the end.
 
     |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
     """
     own = claim.settling
     assert own is not None
-    decay, most, size = to_rational(own.decay), max(largest_rests(claim)), claim.V.shape[0]
+    decay, most, size = to_rational(own.decay), max(_largest_rests(claim)), claim.V.shape[0]
     held = [
         (1 + 1 / to_rational(port.stiction)) / 2 * Fs
-        for port, Fs in zip(claim.ports, largest_forces(claim), strict=True)
+        for port, Fs in zip(claim.ports, _largest_forces(claim), strict=True)
     ]
     at_rest = (loop.x * equilibrium(loop)).tolist()
     turned, zero = to_rational_matrix(claim.V).transpose(), to_rational(0.0)
@@ -362,7 +362,7 @@ def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_ma
     return True
 
 
-def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
+def _in_coordinates(form: _ExactSupply, claim: FrictionClaim) -> _ExactSupply:
     """Return the inequality in the coordinates of the energy, exactly."""
     V = to_rational_matrix(claim.V)
     n, size = V.nrows(), form.stored.nrows()
@@ -373,7 +373,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     block = form.block
     if block is not None:
         block = replace(block, input_column=back * block.input_column, output_row=turned * block.output_row)
-    return ExactSupply(
+    return _ExactSupply(
         block=block,
         A=back * form.A * V,
         B=back * form.B,
@@ -385,38 +385,40 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     )
 
 
-def check_decrease(
-    claim: FrictionClaim, loop: ExactLoop, *, form: ExactSupply, energy: list[list[fmpq_mat]], deadline: float
+def _check_decrease(
+    claim: FrictionClaim, loop: ExactLoop, *, form: _ExactSupply, energy: list[list[fmpq_mat]], deadline: float
 ) -> dict[str, str]:
     """Return what is not proved about the decrease of the storage, and why."""
     if not loop.spans:
         P = energy[0][0]
-        held = len(energy) == 1 and positive_definite(-flow_inequality(form, P, P - P))
-        return {} if held else {PARTS[1]: "it does not"}
+        held = len(energy) == 1 and positive_definite(-_flow_inequality(form, P, P - P))
+        return {} if held else {_PARTS[1]: "it does not"}
     counts = [int(count) for count in claim.counts]
     if len(counts) != len(loop.spans) or min(counts) < 1 or sum(counts) != len(energy) or claim.P.shape[1] != 4:
-        return {PARTS[1]: "its intervals do not fill the period"}
+        return {_PARTS[1]: "its intervals do not fill the period"}
     starts = [sum(counts[:i]) for i in range(len(counts) + 1)]
     for span, first, last in zip(loop.spans, starts, starts[1:], strict=False):
         rate = 3 * (last - first) / span
         if any(b[3] != after[0] for b, after in pairwise(energy[first:last])):
-            return {PARTS[1]: "it jumps where nothing happens"}
+            return {_PARTS[1]: "it jumps where nothing happens"}
         for b in energy[first:last]:
             s0, s1, s2 = ((b[k + 1] - b[k]) * rate for k in range(3))
             third = fmpq(1, 3)
             slopes = (s0, (s0 + s1 * 2) * third, (s1 * 2 + s2) * third, s2)
-            if not all(positive_definite(-flow_inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)):
-                return {PARTS[1]: "it does not"}
+            if not all(
+                positive_definite(-_flow_inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)
+            ):
+                return {_PARTS[1]: "it does not"}
             if time.monotonic() > deadline:
-                return {PARTS[1]: "undecided, as time was up"}
+                return {_PARTS[1]: "undecided, as time was up"}
     for i, jump in enumerate(form.jumps):
         before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
-        if not positive_definite(jump_inequality(form, i, before=before, after=after, jump=jump)):
-            return {PARTS[2]: "it may grow"}
+        if not positive_definite(_jump_inequality(form, i, before=before, after=after, jump=jump)):
+            return {_PARTS[2]: "it may grow"}
     return {}
 
 
-def jump_inequality(form: ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
+def _jump_inequality(form: _ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
     """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block at the first jump."""
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
@@ -428,7 +430,7 @@ def jump_inequality(form: ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_
     return fmpq_mat([*rows, [row[0] for row in side] + [corner]])
 
 
-def flow_inequality(form: ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_mat:
+def _flow_inequality(form: _ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_mat:
     """Return [P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
     across = P * form.A
     top = slope + across + across.transpose() + form.Q
@@ -438,7 +440,7 @@ def flow_inequality(form: ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_mat
     return fmpq_mat(rows + below)
 
 
-def full_storage(stored: fmpq_mat, P: fmpq_mat) -> fmpq_mat:
+def _full_storage(stored: fmpq_mat, P: fmpq_mat) -> fmpq_mat:
     """Return the whole storage, a form in the states and in the forces at rest."""
     rows = stored.tolist()
     for i, row in enumerate(P.tolist()):

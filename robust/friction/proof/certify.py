@@ -40,12 +40,12 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 
 # ---- From weights to a judged certificate for the friction of a class, up to the stiffest that is proved.
 
-SUBJECT = "the stored energy falls"
-SATURATED_SUBJECT = "the stored energy falls, the actuator saturated or not"
-N_POINTS = 300  # of the frequencies of a cone program
+_SUBJECT = "the stored energy falls"
+_SATURATED_SUBJECT = "the stored energy falls, the actuator saturated or not"
+_N_POINTS = 300  # of the frequencies of a cone program
 
 
-class FrictionCertificate(NamedTuple):
+class _FrictionCertificate(NamedTuple):
     """Why the energy of a loop falls, or, in `reason`, what failed last.
 
     numbers : weights of the filters, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
@@ -58,20 +58,20 @@ class FrictionCertificate(NamedTuple):
 
 def certify_friction(
     loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts, reference: float
-) -> FrictionCertificate:
+) -> _FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
     reference : rate of the filter that the others of Maxwell slip are measured against [rad/s].
     """
     if isinstance(friction, AnyFriction) and friction.kind == "bristle":
-        return certify_bristle(loop, friction, reference)
+        return _certify_bristle(loop, friction, reference)
     K0, rho = np.atleast_1d(friction.K0), np.atleast_1d(friction.stiction)
     n_ports = loop.columns.shape[1]
-    omega = loop_frequencies(loop, N_POINTS if n_ports > 1 else 900)
+    omega = loop_frequencies(loop, _N_POINTS if n_ports > 1 else 900)
     response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
     wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
     if wrong:
-        return FrictionCertificate(wrong)
+        return _FrictionCertificate(wrong)
     reason = "no weights of the filters make every frequency dissipate"
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     for rates in filter_rates(reference, fastest):
@@ -80,14 +80,14 @@ def certify_friction(
             continue
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho))
         if not reason:
-            return FrictionCertificate("", tuple(used_multipliers(rates, own) for own in mu), energy)
-    return FrictionCertificate(reason)
+            return _FrictionCertificate("", tuple(used_multipliers(rates, own) for own in mu), energy)
+    return _FrictionCertificate(reason)
 
 
-def certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float) -> FrictionCertificate:
+def _certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float) -> _FrictionCertificate:
     """Search the multipliers of creeping bristles, and certify what they prove."""
     known = {"K0": friction.K0, "microdamping": friction.microdamping}
-    omega = loop_frequencies(loop, N_POINTS)
+    omega = loop_frequencies(loop, _N_POINTS)
     response = mobility(loop, omega)
     reason = "no weights make every frequency dissipate"
     for rates in filter_rates(reference, np.inf)[:2]:
@@ -97,13 +97,13 @@ def certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float)
             continue
         reason, energy = certified_dissipation(bristle_dissipation(loop, weights, **known))
         if not reason:
-            return FrictionCertificate("", (weights,), energy)
-    return FrictionCertificate(reason)
+            return _FrictionCertificate("", (weights,), energy)
+    return _FrictionCertificate(reason)
 
 
-SETTLING_SUBJECT = "the position settles within a bound"
-SETTLING_METHOD = "semidefinite program, Bernstein, exact arithmetic"
-SETTLING_ROUNDED_UP = 1 + 1e-9
+_SETTLING_SUBJECT = "the position settles within a bound"
+_SETTLING_METHOD = "semidefinite program, Bernstein, exact arithmetic"
+_SETTLING_ROUNDED_UP = 1 + 1e-9
 NOT_IN_CLASS = {
     "bristle": "rigid stiction, another damping of the bristles, ",
     "Maxwell slip": "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, ",
@@ -226,7 +226,7 @@ def certified_verdict(
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return replace(undecided, reason=f"numerical failure: {error}")
     if found.energy is None:
-        certificate = failed_certificate(SUBJECT, 0.0, found.reason)
+        certificate = failed_certificate(_SUBJECT, 0.0, found.reason)
         return replace(undecided, reason=found.reason, certificate=certificate)
     claim = build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy)
     return replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate_of(claim))
@@ -258,7 +258,7 @@ def settling_verdict(
     held = moved @ ((1 + 1 / ratios) / 2 * forces)
     for one in proposed:
         # a bound of zero is no claim, and a rest of zero with a stiction of one
-        error = max(float((one.reach * most + held).max()) * SETTLING_ROUNDED_UP, 1e-300)
+        error = max(float((one.reach * most + held).max()) * _SETTLING_ROUNDED_UP, 1e-300)
         numbers = tuple(Multipliers(rates=one.rates, weights=own, free=0.0) for own in one.weights)
         own_settling = Settling(
             decay=one.decay, Fs=float(forces[0]), error=error, other_Fs=forces[1:], rest_weights=one.rest_weights
@@ -274,12 +274,12 @@ def settling_verdict(
 
 def certificate_of(claim: FrictionClaim) -> Certificate:
     """Return the certificate of a claim that was judged: that the energy falls, or within what the loop settles."""
-    settling, subject = claim.settling, SUBJECT if claim.actuator is None else SATURATED_SUBJECT
+    settling, subject = claim.settling, _SUBJECT if claim.actuator is None else _SATURATED_SUBJECT
     return Certificate(
-        subject=subject if settling is None else SETTLING_SUBJECT,
+        subject=subject if settling is None else _SETTLING_SUBJECT,
         outcome=Outcome.HOLDS,
         level=0.0 if settling is None else settling.error,
-        method=METHOD if settling is None else SETTLING_METHOD,
+        method=METHOD if settling is None else _SETTLING_METHOD,
         intervals=np.array([[0.0, np.inf]]),
         reason="",
         claim=claim,

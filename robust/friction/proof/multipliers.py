@@ -54,17 +54,17 @@ def used_multipliers(rates: np.ndarray, mu: np.ndarray) -> Multipliers:
     return Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
 
 
-N_FILTERS = 24
+_N_FILTERS = 24
 #: Where filters are tried, one set after another [rad/s].
-FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
+_FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
 
 
 def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
     """Sets of rates a_j [rad/s], each with the reference first; all below `fastest` = 1/bristle time."""
     sets = []
-    for low, high in FREQUENCY_RATIOS:
+    for low, high in _FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)
-        rates = np.geomspace(min(low, top / 10), top, N_FILTERS)
+        rates = np.geomspace(min(low, top / 10), top, _N_FILTERS)
         first = np.argmin(np.abs(np.log(rates / reference)))
         sets.append(np.concatenate([rates[first : first + 1], np.delete(rates, first)]))
     return sets
@@ -74,11 +74,11 @@ def multiplier_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
 ) -> np.ndarray:
     """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
-    filters, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    filters, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     return (filters * mobility[:, None] - lost).real
 
 
-def filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float) -> tuple[np.ndarray, np.ndarray]:
+def _filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (W, 1 + J) factors on the velocity and what is lost: of f v itself, then of each filter."""
     s = 1j * omega[:, None]
     factors = 1 - rates / (rho * (rates - s))
@@ -107,14 +107,14 @@ def friction_forms(
     f: np.ndarray, v: np.ndarray, *, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float
 ) -> list[np.ndarray]:
     """Return (W, P, P), the hermitian form of each multiplier of a friction f at velocity v, linear forms (W, P)."""
-    factors, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    factors, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     own = hermitian_product(f, f)
     return [hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own for j in range(1 + rates.size)]
 
 
-MAX_ROUNDS = 60
-NEGLIGIBLE_WEIGHT = 1e-9  # of the largest weight: what is left out
-NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
+_MAX_ROUNDS = 60
+_NEGLIGIBLE_WEIGHT = 1e-9  # of the largest weight: what is left out
+_NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
 
 
 def negative_multipliers(
@@ -123,13 +123,13 @@ def negative_multipliers(
     """Return (C,) few multipliers >= 0 that make every hermitian matrix negative definite; None where none were found.
 
     couplings : the terms off the diagonal are enlarged by 1/coupling, the first of these with which any are found.
-    The others as of `coupled_multipliers`.
+    The others as of `_coupled_multipliers`.
     """
-    tried = (coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
+    tried = (_coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
     return next((theta for theta in tried if theta is not None), None)
 
 
-def coupled_multipliers(
+def _coupled_multipliers(
     table: np.ndarray, coupling: float, *, least: float, balanced: np.ndarray | None
 ) -> np.ndarray | None:
     """Return (C,) multipliers for one enlargement of the terms off the diagonal, or None.
@@ -144,18 +144,18 @@ def coupled_multipliers(
     n = table.shape[-1]
     table = np.where(np.eye(n, dtype=bool), table, table / coupling)
     rows = [table[..., i, i].real for i in range(n)]
-    for _ in range(MAX_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         theta, share = maxwell_slip_multipliers(np.concatenate(rows), balanced)
         if not share > least:
             return None
-        theta[theta < NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
+        theta[theta < _NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
         both = np.einsum("wcij,c->wij", table, theta)
         diagonal = np.diagonal(both, axis1=1, axis2=2).real
         if not diagonal.max() < 0:
             return None
         unit = 1 / np.sqrt(-diagonal)
         sizes, vectors = np.linalg.eigh(both * unit[:, :, None] * unit[:, None, :])
-        worse = sizes[:, -1] >= NOT_NEGATIVE
+        worse = sizes[:, -1] >= _NOT_NEGATIVE
         if not worse.any():
             return theta
         worst = vectors[..., -1] * unit
@@ -202,9 +202,9 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
 # and the loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
 
 BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
-MIN_SHARE = 1e-7  # share of a row that the solver has to leave
-SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
-NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
+_MIN_SHARE = 1e-7  # share of a row that the solver has to leave
+_SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
+_NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
 
 
 def bristle_terms(
@@ -237,20 +237,20 @@ def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Mul
 
     Asked once more with the filters alone that matter: a solver that walks through the interior leaves none at zero.
     """
-    theta = solve_multipliers(table, rho)
+    theta = _solve_multipliers(table, rho)
     if theta is None:
         return None
     n = theta.size
     kept = np.arange(n) >= n - 6
-    for small in NEGLIGIBLE_WEIGHTS:
+    for small in _NEGLIGIBLE_WEIGHTS:
         kept[: n - 6] = theta[: n - 6] > small * np.abs(theta).max()
-        again = solve_multipliers(table[:, kept], rho)
+        again = _solve_multipliers(table[:, kept], rho)
         if again is not None:
             break
     else:
         return None
     found = np.zeros(n)
-    found[kept] = again / term_sizes(table[:, kept])[1]
+    found[kept] = again / _term_sizes(table[:, kept])[1]
     block, bounds = enlarge_block(found[n - 6 :], rho)
     nu = found[1 : n - 6]
     return Multipliers(
@@ -258,7 +258,7 @@ def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Mul
     )
 
 
-def term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (W, 2) units of gamma and q at each frequency.
 
     And (C,) sizes of each form over all of them in these units.
@@ -267,11 +267,11 @@ def term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
 
 
-def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
+def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     """Return the (C,) multipliers that the cone solver finds, relative to the sizes of the forms."""
     import cvxpy as cp
 
-    unit, scale = term_sizes(table)
+    unit, scale = _term_sizes(table)
     table = table * unit[:, None, :, None] * unit[:, None, None, :] / scale[:, None, None]
     a, d, b = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
     n = scale.size
@@ -283,11 +283,11 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
         cp.norm(theta, 1) <= 1,
         *([theta[: n - 6] >= 0] if n > 6 else []),
     ]
-    for i, form in enumerate(block_at_ends(M)):
-        p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector_form(rho), strict=True))
+    for i, form in enumerate(_block_at_ends(M)):
+        p, cross, r = (x - bounds[i] * y for x, y in zip(form, _sector_form(rho), strict=True))
         constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
     solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL")
-    if theta.value is None or share.value is None or not share.value > MIN_SHARE:
+    if theta.value is None or share.value is None or not share.value > _MIN_SHARE:
         return None
     return np.asarray(theta.value)
 
@@ -296,12 +296,12 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
 Entries: TypeAlias = "tuple[float | cvxpy.Expression, float | cvxpy.Expression, float | cvxpy.Expression]"
 
 
-def block_at_ends(M: np.ndarray | cvxpy.Variable) -> tuple[Entries, Entries]:
+def _block_at_ends(M: np.ndarray | cvxpy.Variable) -> tuple[Entries, Entries]:
     """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
     return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
 
 
-def sector_form(rho: float) -> tuple[float, float, float]:
+def _sector_form(rho: float) -> tuple[float, float, float]:
     """Return the form (q - (1 - rho) v)((1 + rho) v - q), entry by entry."""
     return rho**2 - 1, 1.0, -1.0
 
@@ -311,21 +311,21 @@ def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarr
     M = np.array(entries)
     M[5] = min(M[5], 0.0)
     bounds, left = np.zeros(2), 0.0
-    for i, form in enumerate(block_at_ends(M)):
-        bounds[i], below = sector_multiple(form, rho)
+    for i, form in enumerate(_block_at_ends(M)):
+        bounds[i], below = _sector_multiple(form, rho)
         left = max(left, below)
-    M[[0, 3]] += left + SOLVER_TOLERANCE * np.abs(M).max()
+    M[[0, 3]] += left + _SOLVER_TOLERANCE * np.abs(M).max()
     block = np.zeros((3, 3))
     for (i, j), entry in zip(BLOCK_ENTRIES, M, strict=True):
         block[i, j] = block[j, i] = entry
     return block, bounds
 
 
-def sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
+def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
     """Return the largest multiple of the sector below a form in (v, q), and how far below it still is."""
 
     def below(multiple: float) -> float:
-        p, cross, r = (x - multiple * y for x, y in zip(form, sector_form(rho), strict=True))
+        p, cross, r = (x - multiple * y for x, y in zip(form, _sector_form(rho), strict=True))
         return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # less the least eigenvalue, a convex function
 
     top = 1.0 + 8 * np.abs(form).max()

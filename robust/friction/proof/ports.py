@@ -14,8 +14,8 @@ from robust.friction.proof.dissipation import ROUNDED_UP
 from robust.friction.proof.multipliers import negative_multipliers, port_terms
 
 #: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
-COUPLINGS = (0.9, 0.99)
-MIN_SHARE = 1e-9  # share of a row that has to be left
+_COUPLINGS = (0.9, 0.99)
+_MIN_SHARE = 1e-9  # share of a row that has to be left
 
 
 def friction_of_ports(
@@ -83,7 +83,7 @@ def weights_of_ports(
         equal = np.zeros((n_ports * n, n_ports - 1))
         for port in range(1, n_ports):
             equal[:n, port - 1], equal[port * n : (port + 1) * n, port - 1] = shares[0], -shares[port]
-    theta = negative_multipliers(table, couplings=COUPLINGS, least=MIN_SHARE, balanced=equal)
+    theta = negative_multipliers(table, couplings=_COUPLINGS, least=_MIN_SHARE, balanced=equal)
     if theta is None:
         return None
     mu = theta.reshape(n_ports, n)

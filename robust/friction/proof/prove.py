@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     import control
 
 #: Verdicts with a claim.
-CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
+_CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
-ROUNDING = 1e-9
-NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
+_ROUNDING = 1e-9
+_NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 
 
 def prove_friction(
@@ -124,12 +124,12 @@ def prove_friction(
             )
         forces = np.array([given.Fs])
     spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.microdamping)
-    kick_sure, error_bound = bounds_of_bounded(machine, loop, forces, given) if known is None else (np.nan, np.nan)
+    kick_sure, error_bound = _bounds_of_bounded(machine, loop, forces, given) if known is None else (np.nan, np.nan)
     proof = FrictionProof(
         verdict=FrictionVerdict.NOT_DECIDED,
         reason="",
         claim="",
-        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[given.kind]),
+        not_claimed=_NOT_CLAIMED.format(other=NOT_IN_CLASS[given.kind]),
         machine=machine,
         friction=given,
         counterexample=spring,
@@ -137,21 +137,21 @@ def prove_friction(
         error_bound=error_bound,
     )
     if spring is not None:
-        proof = replace(proof, verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, given))
+        proof = replace(proof, verdict=FrictionVerdict.REFUTED, reason=_describe_counterexample(spring, loop, given))
     elif given.kind in ("Maxwell slip", "bristle"):
         proof = certified_verdict(proof, K, delay=delay, loop=loop)
         if proof.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all() and known is None:
             proof = settling_verdict(proof, K, delay=delay, loop=loop, forces=forces)
     elif given.kind == "bounded":
-        proof = bounded_verdict(proof, loop)
+        proof = _bounded_verdict(proof, loop)
     else:
         verdict, reason = passive_verdict(machine, K, delay=delay, loop=loop)
         proof = replace(proof, verdict=verdict, reason=reason)
     if known is not None:
         proof = with_actuator(proof, K, delay=delay, known=known)
-    if proof.verdict not in CLAIMED:
+    if proof.verdict not in _CLAIMED:
         return proof
-    return replace(proof, claim=describe_claim(proof, describe_scope(machine, given, K=K, delay=delay), forces))
+    return replace(proof, claim=_describe_claim(proof, describe_scope(machine, given, K=K, delay=delay), forces))
 
 
 def prove_all(
@@ -168,7 +168,7 @@ def prove_all(
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
-def bounds_of_bounded(
+def _bounds_of_bounded(
     machine: FrictionPlant, loop: FrictionLoop, forces: np.ndarray, friction: AnyFriction | FrictionAtPorts
 ) -> tuple[float, float]:
     """Return the divergence velocity, of one port, and the steady error bound; nan where there is none."""
@@ -183,14 +183,14 @@ def bounds_of_bounded(
     return kick, bound_of_ports(loop, forces, damped)
 
 
-def bounded_verdict(proof: FrictionProof, loop: FrictionLoop) -> FrictionProof:
+def _bounded_verdict(proof: FrictionProof, loop: FrictionLoop) -> FrictionProof:
     """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
     if np.isfinite(proof.error_bound):
         return replace(proof, verdict=FrictionVerdict.PROVED)
     growth = loop.growth() + 0.0
-    size = f"|z| = {format_pole_modulus(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
+    size = f"|z| = {_format_pole_modulus(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
     what = (
-        "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
+        "is on the stability boundary" if growth >= -_ROUNDING else "takes too long to follow, as far as its modes lie"
     )
     return replace(
         proof,
@@ -199,12 +199,12 @@ def bounded_verdict(proof: FrictionProof, loop: FrictionLoop) -> FrictionProof:
     )
 
 
-def describe_counterexample(
+def _describe_counterexample(
     spring: tuple[float | tuple[float, ...], complex], loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts
 ) -> str:
     """Describe the member of the class that makes the loop unstable."""
     kappa, pole = spring
-    size = f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    size = f"|z| = {_format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
     if not np.any(kappa):
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     still = "a bristle" if friction.kind == "bristle" else "a spring"
@@ -217,13 +217,13 @@ def describe_counterexample(
     )
 
 
-def format_pole_modulus(size: float) -> str:
+def _format_pole_modulus(size: float) -> str:
     """Format the modulus of a pole with as many digits as tell it from one."""
     digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
     return f"{size:.{digits}g}"
 
 
-def describe_claim(proof: FrictionProof, scope: str, forces: np.ndarray) -> str:
+def _describe_claim(proof: FrictionProof, scope: str, forces: np.ndarray) -> str:
     """State what is proved in one sentence. scope : for which loop. forces : (P,) largest friction at each port."""
     friction, units = proof.friction, proof.machine.units
     places = [f" at {name}" for name in friction.names] if isinstance(friction, FrictionAtPorts) else [""]

@@ -50,10 +50,10 @@ if TYPE_CHECKING:
 # At rest and relaxed, a kick e v0 puts in v0^2 e'P e at most, at whatever instant. The force that is asked for is
 # asked'y + h, with h what holds the friction, and |asked'y| <= sqrt(c asked'E^-1 asked) where the energy E <= c.
 
-ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
+_ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
 
-def velocity_within_reach(machine: FrictionPlant, cut: LureLoop, *, energy: JudgedStorage, reach: float) -> float:
+def _velocity_within_reach(machine: FrictionPlant, cut: _LureLoop, *, energy: JudgedStorage, reach: float) -> float:
     """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N].
 
     Infinite where nothing is asked for, whatever the state.
@@ -70,7 +70,7 @@ def velocity_within_reach(machine: FrictionPlant, cut: LureLoop, *, energy: Judg
     peak_command = (unit * read) @ np.linalg.solve(whole * np.outer(unit, unit), unit * read)
     start = np.linalg.solve(energy.V, hit)
     put_in = float(np.einsum("i,...ij,j", start, energy.P, start).max())
-    return float(ROUNDED_DOWN * reach / np.sqrt(peak_command * put_in))
+    return float(_ROUNDED_DOWN * reach / np.sqrt(peak_command * put_in))
 
 
 # ---- The loop cut open at an actuator that saturates: what it is asked for, and where what it does not give is
@@ -84,7 +84,7 @@ def velocity_within_reach(machine: FrictionPlant, cut: LureLoop, *, energy: Judg
 
 
 @value
-class LureLoop:
+class _LureLoop:
     """A sliding loop with its actuator cut open, and filters beside it.
 
     Fields
@@ -113,13 +113,13 @@ class LureLoop:
         return replace(self.loop, jumps=np.array([first - missing, *others])).growth()
 
 
-def open_at_actuator(
+def _open_at_actuator(
     machine: FrictionPlant, K: Controller, delay: float, forgets: np.ndarray | None = None
-) -> LureLoop:
+) -> _LureLoop:
     """Open the loop u = -K y at its actuator, with filters that forget at the given rates.
 
     >>> from robust.friction.plant import friction_plant
-    >>> cut = open_at_actuator(friction_plant(1.0, 80e3, 0.4), 2e3, 0.0)
+    >>> cut = _open_at_actuator(friction_plant(1.0, 80e3, 0.4), 2e3, 0.0)
     >>> (0 + cut.command_row).tolist(), cut.input_column.tolist()  # of displacement and velocity
     ([-2000.0, 0.0], [0.0, 1.0])
     """
@@ -147,7 +147,7 @@ def open_at_actuator(
         F[m:] = rows
     parts = {name: np.pad(getattr(loop, name), (0, size - m)) for name in ("B", "x", "v", "measured")}
     wider = FrictionLoop(F=F, T=loop.T, spans=loop.spans, jumps=jumps, **parts)
-    return LureLoop(loop=wider, command_row=command_row, input_column=input_column, forgets=forgets)
+    return _LureLoop(loop=wider, command_row=command_row, input_column=input_column, forgets=forgets)
 
 
 # ---- The dissipation inequality of a friction of a class and an actuator that saturates, in states that come to rest.
@@ -159,7 +159,9 @@ def open_at_actuator(
 # at every sample, or in the flow with w as one input more: what an actuator never makes negative.
 
 
-def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: float, given: np.ndarray) -> Dissipation:
+def _with_saturation(
+    form: Dissipation, cut: _LureLoop, *, share: float, sector: float, given: np.ndarray
+) -> Dissipation:
     """Add the dead zone to the dissipation inequality; form.
 
     That of the friction, whose first states are those of the open loop.
@@ -195,12 +197,12 @@ def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: f
 # a
 # frequency. Nothing here is a proof.
 
-MIN_SHARE = 1e-9  # share of a row that has to be left
-COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
+_MIN_SHARE = 1e-9  # share of a row that has to be left
+_COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
 
 
-def saturation_terms(
-    cut: LureLoop, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
+def _saturation_terms(
+    cut: _LureLoop, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
 ) -> np.ndarray:
     """Return (W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w).
 
@@ -227,17 +229,17 @@ def saturation_terms(
 
 # ---- How far a machine is proved with an actuator that saturates: shares it may miss, tried one after another.
 
-N_POINTS = 200
-N_SETS = 2  # of filters of the friction
-FILTER_SHARES = np.geomspace(1e-3, 1.0, 10)  # of a sample
-FILTER_RATES = np.geomspace(1e-2, 30.0, 10)  # over the reference, where nothing is sampled
+_N_POINTS = 200
+_N_SETS = 2  # of filters of the friction
+_FILTER_SHARES = np.geomspace(1e-3, 1.0, 10)  # of a sample
+_FILTER_RATES = np.geomspace(1e-2, 30.0, 10)  # over the reference, where nothing is sampled
 #: What of asked - h an actuator may miss, at most: the larger, the further it reaches, and the harder to prove.
-SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
-MAX_FAILURES = 2  # in a row, after which larger shares are left
+_SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
+_MAX_FAILURES = 2  # in a row, after which larger shares are left
 
 
 @value(copy=False)
-class RegionOfAttraction:
+class _RegionOfAttraction:
     """A kick that is proved, and the numbers it is proved with.
 
     Fields
@@ -253,61 +255,61 @@ class RegionOfAttraction:
     energy: JudgedStorage
 
 
-def largest_region(
+def _largest_region(
     machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, known: Actuator, left: float
-) -> RegionOfAttraction | None:
+) -> _RegionOfAttraction | None:
     """Return the largest region of attraction that was found. left : limit less friction [N]."""
-    cut = open_at_actuator(machine, K, delay)
+    cut = _open_at_actuator(machine, K, delay)
 
-    def region(share: float) -> RegionOfAttraction | None:
+    def region(share: float) -> _RegionOfAttraction | None:
         own = replace(known, share=share)
-        return region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, known=own, left=left)
+        return _region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, known=own, left=left)
 
     if cut.open_growth() < 0 and (everywhere := region(1.0)) is not None:
         return everywhere
     best, missed = None, 0
-    for share in SECTOR_GAINS:
+    for share in _SECTOR_GAINS:
         found = region(share)
         missed = missed + 1 if found is None else 0
         if found is not None and (best is None or found.actuator.kick > best.actuator.kick):
             best = found
-        if missed == MAX_FAILURES and share > SECTOR_GAINS[MAX_FAILURES]:
+        if missed == _MAX_FAILURES and share > _SECTOR_GAINS[_MAX_FAILURES]:
             break
     return best
 
 
-def region_for_sector(
+def _region_for_sector(
     machine: FrictionPlant,
     K: control.StateSpace,
     *,
     friction: AnyFriction,
     delay: float,
-    cut: LureLoop,
+    cut: _LureLoop,
     known: Actuator,
     left: float,
-) -> RegionOfAttraction | None:
+) -> _RegionOfAttraction | None:
     """Return the region that is proved with the sector gain `known.share`, or None."""
-    omega, reference = loop_frequencies(cut.loop, N_POINTS), reference_rate(machine, cut.loop)
+    omega, reference = loop_frequencies(cut.loop, _N_POINTS), reference_rate(machine, cut.loop)
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
-    forgets = FILTER_SHARES if cut.loop.T else FILTER_RATES * reference
-    for rates in filter_rates(reference, fastest)[:N_SETS]:
-        table = saturation_terms(
+    forgets = _FILTER_SHARES if cut.loop.T else _FILTER_RATES * reference
+    for rates in filter_rates(reference, fastest)[:_N_SETS]:
+        table = _saturation_terms(
             cut, omega, rates=rates, K0=friction.K0, rho=friction.stiction, forgets=forgets, share=known.share
         )
-        theta = negative_multipliers(table, couplings=COUPLINGS, least=MIN_SHARE)
+        theta = negative_multipliers(table, couplings=_COUPLINGS, least=_MIN_SHARE)
         if theta is None or not theta[1 : rates.size + 1].any():
             continue
         mu, sector, given = theta[: rates.size + 1], float(theta[rates.size + 1]), theta[rates.size + 2 :]
         own = given > 0
-        wider = open_at_actuator(machine, K, delay, forgets[own])
+        wider = _open_at_actuator(machine, K, delay, forgets[own])
         form = maxwell_slip_dissipation(wider.loop, rates, mu=mu, K0=friction.K0, rho=friction.stiction)
-        form = with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
+        form = _with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
             kick = 0.0  # of no meaning where it is proved from every state
             if known.share < 1:
-                kick = velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
-            return RegionOfAttraction(
+                kick = _velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
+            return _RegionOfAttraction(
                 actuator=replace(known, kick=kick, sector=sector, forgets=forgets[own], weights=given[own]),
                 numbers=used_multipliers(rates, mu),
                 energy=energy,
@@ -315,11 +317,11 @@ def region_for_sector(
     return None
 
 
-NOT_CLAIMED = (
+_NOT_CLAIMED = (
     "Not claimed: {other}friction above {Fs:g} {unit}, an actuator of less than {limit:g} {unit}, quantisation, "
     "another linear part."
 )
-NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
+_NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 
 
 def limits_of_force(
@@ -344,11 +346,11 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
 
     def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
         none = replace(plain, kick=0.0, kick_linear=0.0, share=0.0, saturation=known.limit)
-        return replace(none, verdict=verdict, reason=reason, certificate=None, not_claimed=NO_ACTUATOR_CLAIM)
+        return replace(none, verdict=verdict, reason=reason, certificate=None, not_claimed=_NO_ACTUATOR_CLAIM)
 
     if plain.verdict is not FrictionVerdict.PROVED:
         return nothing(plain.verdict, f"without saturation: {plain.reason}")
-    cut = open_at_actuator(machine, K, delay)
+    cut = _open_at_actuator(machine, K, delay)
     rest, offset = cut.loop.rest()
     left = known.limit - known.Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
     if left <= 0:
@@ -359,9 +361,9 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
     try:
         linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
         if linear is not None:
-            kick = velocity_within_reach(machine, cut, energy=linear, reach=left)
+            kick = _velocity_within_reach(machine, cut, energy=linear, reach=left)
         if friction.kind == "Maxwell slip":
-            reach = largest_region(machine, K, friction=friction, delay=delay, known=known, left=left)
+            reach = _largest_region(machine, K, friction=friction, delay=delay, known=known, left=left)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}")
     kick_linear = kick
@@ -375,8 +377,8 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
     return replace(
         plain,
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        reason="" if everywhere else describe_why_local(cut, friction),
-        not_claimed=NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
+        reason="" if everywhere else _describe_why_local(cut, friction),
+        not_claimed=_NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
         certificate=certificate,
         saturation=known.limit,
         kick=kick,
@@ -385,7 +387,7 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
     )
 
 
-def describe_why_local(cut: LureLoop, friction: AnyFriction) -> str:
+def _describe_why_local(cut: _LureLoop, friction: AnyFriction) -> str:
     """Say why it is not proved from every state."""
     if friction.kind != "Maxwell slip":
         return f"From every state: not tried for a {friction.kind}; the kick is one that never saturates the actuator."

@@ -29,15 +29,15 @@ if TYPE_CHECKING:
 
 #: Filters of one port; eight made the bound at most 6 % smaller than five on three axes, at twice the time. Of each of
 #: several ports fewer, as the program grows with their number.
-N_FILTERS, N_FILTERS_OF_SEVERAL = 6, 4
+_N_FILTERS, _N_FILTERS_OF_SEVERAL = 6, 4
 #: Fastest filter, times the rate that the others are placed by.
-FASTEST = 40.0
+_FASTEST = 40.0
 #: Rates of decay that are tried, of the slowest mode of the loop, sliding or stuck.
-DECAYS = (0.9, 0.6, 0.3)
+_DECAYS = (0.9, 0.6, 0.3)
 #: What the program has to leave in its scaled matrices, so that its solution is strict.
-STRICT = 1e-7
+_STRICT = 1e-7
 #: Of the bound: what makes up for rounding, judged afterwards.
-ROUNDED_UP = 1 + 1e-6
+_ROUNDED_UP = 1 + 1e-6
 
 
 @value(copy=False)
@@ -85,24 +85,24 @@ def settling_numbers(loop: FrictionLoop, K0: np.ndarray, reference: float, rests
     K0, rests : (P,) of the class at each port, and the largest rest there over the largest of all.
     reference : rate [rad/s] that the filters are placed by.
     """
-    slowest = min(slowest_decay(loop, share * K0) for share in (0.0, 0.25, 1.0))
+    slowest = min(_slowest_decay(loop, share * K0) for share in (0.0, 0.25, 1.0))
     if not slowest > 0:
         return []
-    count = N_FILTERS if K0.size == 1 else N_FILTERS_OF_SEVERAL
-    rates = np.geomspace(min(slowest, reference), FASTEST * reference, count)
+    count = _N_FILTERS if K0.size == 1 else _N_FILTERS_OF_SEVERAL
+    rates = np.geomspace(min(slowest, reference), _FASTEST * reference, count)
     first = count // 2
     rates = np.concatenate([rates[first : first + 1], np.delete(rates, first)])
-    tried = (settle_at_rate(loop, K0, rates=rates, rests=rests, decay=share * slowest) for share in DECAYS)
+    tried = (_settle_at_rate(loop, K0, rates=rates, rests=rests, decay=share * slowest) for share in _DECAYS)
     return sorted((one for one in tried if one is not None), key=lambda one: one.reach.max())
 
 
-def slowest_decay(loop: FrictionLoop, kappa: np.ndarray) -> float:
+def _slowest_decay(loop: FrictionLoop, kappa: np.ndarray) -> float:
     """Return the decay [1/s] of the slowest mode of the loop with springs at its ports; negative if one grows."""
     growth = loop.growth(kappa)
     return float(-np.log1p(growth) / loop.T if loop.T else -growth)
 
 
-def filter_forms(
+def _filter_forms(
     V: np.ndarray, v: np.ndarray, unit: np.ndarray, *, K0: np.ndarray, rates: np.ndarray, decay: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (P J, n + P, n + P) supply and store of every filter, port by port, as forms of states and friction.
@@ -124,19 +124,19 @@ def filter_forms(
     return np.array(supplies), np.array(stores)
 
 
-def slopes_of_cubic(b: list[cvxpy.Variable], span: float) -> list[cvxpy.Expression]:
+def _slopes_of_cubic(b: list[cvxpy.Variable], span: float) -> list[cvxpy.Expression]:
     """Return the Bernstein coefficients, as of a cubic, of the derivative of a cubic over a span [s]."""
     s0, s1, s2 = (3 / span * (after - before) for before, after in pairwise(b))
     return [s0, (s0 + 2 * s1) / 3, (2 * s1 + s2) / 3, s2]
 
 
-def settle_at_rate(
+def _settle_at_rate(
     loop: FrictionLoop, K0: np.ndarray, *, rates: np.ndarray, rests: np.ndarray, decay: float
 ) -> SettlingNumbers | None:
     """Return the least reach with one rate of decay, or None where the program finds none."""
     import cvxpy as cp
 
-    A, B, jumps, x, v = with_filters(loop, rates, rests)
+    A, B, jumps, x, v = _with_filters(loop, rates, rests)
     n, n_ports = A.shape[0], K0.size
     V = balancing_coordinates(A, B, spans=loop.spans, jumps=jumps)
     back = np.linalg.inv(V)
@@ -151,7 +151,7 @@ def settle_at_rate(
     size = float(np.linalg.norm(x, axis=1).max())
     positions = np.pad(x / size, ((0, 0), (0, n_ports)))
     allowed = np.tile(rates > decay, n_ports)
-    supplies, stores = filter_forms(V, v, unit, K0=K0, rates=rates, decay=decay)
+    supplies, stores = _filter_forms(V, v, unit, K0=K0, rates=rates, decay=decay)
     scale = np.abs(supplies).max(axis=(1, 2))
     mu = cp.Variable(scale.size, nonneg=True)
     shares = cp.Variable(n_ports, nonneg=True)
@@ -170,7 +170,7 @@ def settle_at_rate(
         across = P @ A
         side = P @ B
         total = cp.bmat([[slope + across + across.T, side], [side.T, np.zeros((2 * n_ports, 2 * n_ports))]])
-        return weigh @ (total + wide @ supply @ wide.T - last) @ weigh << -STRICT * np.eye(full)
+        return weigh @ (total + wide @ supply @ wide.T - last) @ weigh << -_STRICT * np.eye(full)
 
     def within(P: cvxpy.Expression) -> list[cvxpy.Constraint]:
         energy = np.eye(n + n_ports, n) @ P @ np.eye(n, n + n_ports) + stored
@@ -182,11 +182,11 @@ def settle_at_rate(
         [cp.Variable((n, n), symmetric=True) for _ in range(4 if loop.T else 1)] for _ in range(max(1, loop.spans.size))
     ]
     for i, b in enumerate(storage):
-        slopes = slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
+        slopes = _slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
         constraints += [flow(P, slope) for P, slope in zip(b, slopes, strict=True)]
         constraints += [one for P in b for one in within(P)]
     for i, jump in enumerate(jumps):
-        constraints.append(storage[i - 1][3] - jump.T @ storage[i][0] @ jump >> STRICT * np.eye(n))
+        constraints.append(storage[i - 1][3] - jump.T @ storage[i][0] @ jump >> _STRICT * np.eye(n))
     solve_program(cp.Problem(cp.Minimize(reach), constraints), "CLARABEL")
     if reach.value is None:
         return None
@@ -199,7 +199,7 @@ def settle_at_rate(
         return None
     factor = unit[n_ports] ** 2  # the program had the rest in a unit of its own
     given = np.maximum(shares.value, 0.0)
-    given /= given.sum() * (1.0 if n_ports == 1 else ROUNDED_UP)  # exactly one together, at most
+    given /= given.sum() * (1.0 if n_ports == 1 else _ROUNDED_UP)  # exactly one together, at most
     return SettlingNumbers(
         rates=rates,
         weights=(factor * weights).reshape(n_ports, -1),
@@ -208,11 +208,11 @@ def settle_at_rate(
         V=V,
         P=factor * found,
         counts=np.ones(loop.spans.size, dtype=int),
-        reach=size * np.sqrt(squared / (2 * decay * factor)) * ROUNDED_UP,
+        reach=size * np.sqrt(squared / (2 * decay * factor)) * _ROUNDED_UP,
     )
 
 
-def with_filters(
+def _with_filters(
     loop: FrictionLoop, rates: np.ndarray, rests: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return A, B (inputs d and r of each port), (S, n, n) jumps, x, v of the loop with the filters of the friction."""

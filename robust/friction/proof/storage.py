@@ -74,7 +74,7 @@ class Dissipation:
 # and the map of two stretches is one more (A, G, H). Its fixed point over a period comes from the stable subspace of a
 # symplectic pencil: iterations from zero fail where an integrator is slow.
 
-NEWTON_STEPS = 2
+_NEWTON_STEPS = 2
 
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -86,13 +86,13 @@ def balancing_coordinates(
 
     Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
     """
-    W = gramian(A, B, spans=spans, jumps=jumps, block=block)
+    W = _gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
     values, vectors = np.linalg.eigh(W / np.outer(unit, unit))
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
 
 
-def gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None) -> np.ndarray:
+def _gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None) -> np.ndarray:
     """Return (n, n) controllability Gramian of the flow with its jumps."""
     n = A.shape[0]
     if not spans.size:
@@ -126,7 +126,7 @@ def gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarra
     return (total + total.T) / 2
 
 
-def supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A_h, G, Q_h of the Riccati equation P' = -(A_h'P + P A_h + P G P + Q_h), the supply made larger by slack."""
     n, m = form.B.shape
     R = form.R + slack * np.eye(m)
@@ -135,14 +135,14 @@ def supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.n
     return A, -form.B @ gain[:, n:], form.Q + slack * np.eye(n) - form.N @ gain[:, :n]
 
 
-def join_stretches(first: Stretch, second: Stretch) -> Stretch:
+def _join_stretches(first: Stretch, second: Stretch) -> Stretch:
     """Compose two stretches of time into one."""
     (A1, G1, H1), (A2, G2, H2) = first, second
     M = np.linalg.inv(np.eye(A1.shape[0]) - G1 @ H2)
     return A2 @ M @ A1, G2 + A2 @ M @ G1 @ A2.T, H1 + A1.T @ H2 @ M @ A1
 
 
-def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
+def _jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
     """Return the Riccati map back over a jump, with the block that acts there at its worst."""
     n = form.A.shape[0]
     jump, left = form.jumps[i], slack * np.eye(n)
@@ -152,13 +152,13 @@ def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
     return jump - np.outer(b, c) / weight, np.outer(b, b) / weight, left + np.outer(c, c) / weight
 
 
-def propagate_back(stretch: Stretch, W: np.ndarray) -> np.ndarray:
+def _propagate_back(stretch: Stretch, W: np.ndarray) -> np.ndarray:
     """Return H + A'W (I - G W)^-1 A."""
     A, G, H = stretch
     return np.asarray(H + A.T @ W @ np.linalg.solve(np.eye(A.shape[0]) - G @ W, A))
 
 
-def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
+def _flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
     """Return the Riccati map back over a flow."""
     n = hamiltonian.shape[0] // 2
     E = expm(-span * hamiltonian)
@@ -171,39 +171,39 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
     n = form.A.shape[0]
-    A, G, Q = supply_with_slack(form, slack)
+    A, G, Q = _supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
             if not form.spans.size:
                 _, Z, count = schur(hamiltonian, sort="lhp")
-                return solution_from_subspace(Z, n) if count == n else None
+                return _solution_from_subspace(Z, n) if count == n else None
             stretches = []
             for i, span in enumerate(form.spans):  # begin after the first jump
-                jump = jump_stretch(form, (i + 1) % form.spans.size, slack * form.spans.sum())
-                stretches.append(join_stretches(flow_stretch(hamiltonian, span), jump))
-            Ac, Gc, Hc = period = reduce(join_stretches, stretches)
+                jump = _jump_stretch(form, (i + 1) % form.spans.size, slack * form.spans.sum())
+                stretches.append(_join_stretches(_flow_stretch(hamiltonian, span), jump))
+            Ac, Gc, Hc = period = reduce(_join_stretches, stretches)
             left = np.block([[Ac, np.zeros((n, n))], [-Hc, np.eye(n)]])
             right = np.block([[np.eye(n), -Gc], [np.zeros((n, n)), Ac.T]])
             *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
             if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
                 return None
-            P = solution_from_subspace(Z, n)
-            return P if form.block is None or P is None else refine_by_newton(period, P)
+            P = _solution_from_subspace(Z, n)
+            return P if form.block is None or P is None else _refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
+def _refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
     """Refine P by Newton steps: for a loop with a block the subspace alone gives few digits."""
-    for _ in range(NEWTON_STEPS):
-        left = propagate_back(period, P) - P
+    for _ in range(_NEWTON_STEPS):
+        left = _propagate_back(period, P) - P
         closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
         P = P + solve_discrete_lyapunov(closed.T, (left + left.T) / 2)
     return (P + P.T) / 2 if np.isfinite(P).all() else None
 
 
-def solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
+def _solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
     """Return P = U2 U1^-1 of a subspace."""
     P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T
     return (P + P.T) / 2 if np.isfinite(P).all() else None
@@ -216,11 +216,11 @@ def solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
 # cubic in time, a convex combination of its four Bernstein coefficients: where these are negative definite it holds at
 # every instant. Each matrix is judged by its eigenvalues, by more than the rounding in putting it together.
 
-EPS = np.finfo(float).eps
+_EPS = np.finfo(float).eps
 
 
 @value(copy=False)
-class BoundedForm:
+class _BoundedForm:
     """A dissipation inequality in coordinates z = V z~, with how far each matrix may be off, entry by entry.
 
     Fields
@@ -260,7 +260,7 @@ class JudgedStorage:
     stored: np.ndarray
 
 
-def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
+def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     """Return the inequality in balanced coordinates."""
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
@@ -270,7 +270,7 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
     aV, aback = np.abs(V), 1.01 * np.abs(back)
-    k = (2 * n + 8) * EPS
+    k = (2 * n + 8) * _EPS
 
     def similar(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """V^-1 M V, and from what is left of V X = M V how far it may be off."""
@@ -288,7 +288,7 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
         block = Block(input_column=back @ b, output_row=V.T @ c, weight=form.block.weight)
         left = np.abs(V @ block.input_column - b) + k * (aV @ np.abs(block.input_column))
         block_off = Block(
-            input_column=aback @ left, output_row=k * (aV.T @ np.abs(c)), weight=8 * EPS * form.block.weight
+            input_column=aback @ left, output_row=k * (aV.T @ np.abs(c)), weight=8 * _EPS * form.block.weight
         )
     wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
     awide = np.abs(wide)
@@ -311,18 +311,18 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
         B=B_off,
         Q=k * (aV.T @ np.abs(form.Q) @ aV),
         N=k * (aV.T @ np.abs(form.N)) / unit,
-        R=8 * EPS * np.abs(new.R),
+        R=8 * _EPS * np.abs(new.R),
         jumps=np.array([off for _, off in jumps]).reshape(-1, n, n),
         stored=k * (awide.T @ np.abs(form.stored) @ awide) + awide.T @ form.stored_error @ awide,
         block=block_off,
     )
-    return BoundedForm(form=new, off=off, V=V)
+    return _BoundedForm(form=new, off=off, V=V)
 
 
-def build_storage(judged: BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int) -> JudgedStorage:
+def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int) -> JudgedStorage:
     """Cubics through the solution of the Riccati equation that begins with P, with its slopes; P of one flow."""
     form = judged.form
-    A, G, Q = supply_with_slack(form, slack)
+    A, G, Q = _supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     n, spans = A.shape[0], form.spans
     total = spans.sum()
@@ -330,7 +330,7 @@ def build_storage(judged: BoundedForm, P: np.ndarray, *, slack: float, n_interva
     parts = [] if spans.size else [P[np.newaxis, np.newaxis]]
     later = P  # just after the jump that begins the next span
     for i in reversed(range(spans.size)):
-        W = propagate_back(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
+        W = _propagate_back(_jump_stretch(form, (i + 1) % spans.size, slack * total), later)
         h = spans[i] / counts[i]
         E = expm(-h * hamiltonian)
         nodes = [W]
@@ -348,7 +348,7 @@ def build_storage(judged: BoundedForm, P: np.ndarray, *, slack: float, n_interva
     return JudgedStorage(V=judged.V, P=found, counts=counts, stored=form.stored)
 
 
-def largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
+def _largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
     """Return the largest scaled eigenvalue of symmetric matrices plus their rounding.
 
     Below zero where all are negative.
@@ -360,17 +360,17 @@ def largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float
     scale = root[..., :, None] * root[..., None, :]
     n = matrices.shape[-1]
     largest = np.linalg.eigvalsh(matrices / scale)[..., -1]
-    slack = np.linalg.norm(errors / scale, axis=(-2, -1)) + 10 * n * EPS
+    slack = np.linalg.norm(errors / scale, axis=(-2, -1)) + 10 * n * _EPS
     return float((largest + slack).max())
 
 
-def flow_inequality(
-    judged: BoundedForm, P: np.ndarray, *, slope: np.ndarray, slope_size: np.ndarray
+def _flow_inequality(
+    judged: _BoundedForm, P: np.ndarray, *, slope: np.ndarray, slope_size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrix of the inequality for many P and P' at once, and its rounding error."""
     form = judged.form
     n, m = form.B.shape
-    k = (2 * n + 8) * EPS
+    k = (2 * n + 8) * _EPS
     size = np.abs(P)
     M, E = np.zeros((*P.shape[:-2], n + m, n + m)), np.zeros((*P.shape[:-2], n + m, n + m))
     M[..., :n, :n] = slope + form.A.T @ P + P @ form.A + form.Q
@@ -385,7 +385,7 @@ def flow_inequality(
     return (M + np.swapaxes(M, -1, -2)) / 2, E
 
 
-def judge_storage(judged: BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
+def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
     """Empty if the storage function proves the inequality, the jumps and the energy; else what fails, and by how much.
 
     The number is the largest scaled eigenvalue between samples where that fails, which finer intervals may mend, and
@@ -396,22 +396,22 @@ def judge_storage(judged: BoundedForm, storage: JudgedStorage) -> tuple[str, flo
     h = h[:, None, None, None]
     steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
-    slope, size = raise_degree(steps), raise_degree(sizes)
-    worst = largest_scaled_eigenvalue(*flow_inequality(judged, b, slope=slope, slope_size=size))
+    slope, size = _raise_degree(steps), _raise_degree(sizes)
+    worst = _largest_scaled_eigenvalue(*_flow_inequality(judged, b, slope=slope, slope_size=size))
     if not worst < 0:
         between = " between samples" if len(judged.form.jumps) else ""
         return f"the inequality does not hold{between}: its largest scaled eigenvalue is {worst:.2g}", worst
     last = np.cumsum(counts)
     begins, ends = b[last - counts, 0], b[last - 1, 3]
     for i in range(len(judged.form.jumps)):
-        worst = largest_scaled_eigenvalue(*jump_inequality(judged, i, before=ends[i - 1], after=begins[i]))
+        worst = _largest_scaled_eigenvalue(*_jump_inequality(judged, i, before=ends[i - 1], after=begins[i]))
         if not worst < 0:
             return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
-    return check_positive(judged, np.array([begins[0], ends[-1]])), np.inf
+    return _check_positive(judged, np.array([begins[0], ends[-1]])), np.inf
 
 
-def jump_inequality(
-    judged: BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
+def _jump_inequality(
+    judged: _BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
     jump, unsure, block, n = judged.form.jumps[i], judged.off.jumps[i], judged.form.block, before.shape[0]
@@ -425,56 +425,56 @@ def jump_inequality(
         loose[n, n] = judged.off.block.weight
         loose[:n, n] = loose[n, :n] = judged.off.block.output_row
     wide = np.abs(jump) + unsure
-    off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
+    off = (2 * n + 4) * _EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
     cross = wide.T @ np.abs(after) @ unsure
     return jump.T @ after @ jump - lost, off + cross + cross.T
 
 
-def raise_degree(parabola: np.ndarray) -> np.ndarray:
+def _raise_degree(parabola: np.ndarray) -> np.ndarray:
     """Return the (I, 4, ...) Bernstein coefficients of a parabola as those of a cubic."""
     first, second, third = parabola[:, 0], parabola[:, 1], parabola[:, 2]
     return np.stack([first, (first + 2 * second) / 3, (2 * second + third) / 3, third], axis=1)
 
 
-def check_positive(judged: BoundedForm, P: np.ndarray) -> str:
+def _check_positive(judged: _BoundedForm, P: np.ndarray) -> str:
     """Return an empty string if the storage is positive for all states, else why not."""
     n = P.shape[-1]
     stored = judged.form.stored
     energy = np.broadcast_to(stored, (*P.shape[:-2], *stored.shape)).copy()
     energy[..., :n, :n] += P
-    size = np.broadcast_to(judged.off.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
-    size[..., :n, :n] += 4 * EPS * np.abs(P)
-    worst = largest_scaled_eigenvalue(-energy, size)
+    size = np.broadcast_to(judged.off.stored, energy.shape).copy() + 4 * _EPS * np.abs(stored)
+    size[..., :n, :n] += 4 * _EPS * np.abs(P)
+    worst = _largest_scaled_eigenvalue(-energy, size)
     return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
 
 
 METHOD = "periodic Riccati equation, Bernstein"
 SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
-INTERVAL_COUNTS = (8, 32, 128)
-MAX_INTERVALS = 512
-NEAR_MISS = 1e-3  # a failure so small that the finest intervals are worth their time
+_INTERVAL_COUNTS = (8, 32, 128)
+_MAX_INTERVALS = 512
+_NEAR_MISS = 1e-3  # a failure so small that the finest intervals are worth their time
 
 
 def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]:
     """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
     judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
-    nearest = NEAR_MISS, 0.0, np.zeros(0)
+    nearest = _NEAR_MISS, 0.0, np.zeros(0)
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
         if P is None:
             continue
-        for n_intervals in INTERVAL_COUNTS if form.spans.size else INTERVAL_COUNTS[:1]:
+        for n_intervals in _INTERVAL_COUNTS if form.spans.size else _INTERVAL_COUNTS[:1]:
             storage = build_storage(judged, P, slack=slack, n_intervals=n_intervals)
             failure, worst = judge_storage(judged, storage)
             if not failure:
                 return "", storage
-            if np.isinf(worst) and n_intervals > INTERVAL_COUNTS[0]:  # no solution of this slack: finer will not help
+            if np.isinf(worst) and n_intervals > _INTERVAL_COUNTS[0]:  # no solution of this slack: finer will not help
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    if worst < NEAR_MISS and form.spans.size:
-        storage = build_storage(judged, P, slack=slack, n_intervals=MAX_INTERVALS)
+    if worst < _NEAR_MISS and form.spans.size:
+        storage = build_storage(judged, P, slack=slack, n_intervals=_MAX_INTERVALS)
         failure = judge_storage(judged, storage)[0]
         if not failure:
             return "", storage

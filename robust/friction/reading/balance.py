@@ -47,7 +47,7 @@ STEPS_PER_CYCLE = 13.5
 #: By how much of the variance of noise the power of a motion is shrunk.
 SHRINKAGE = 2.0
 #: Lines of a window over which a variance is smoothed, and of a block whose residuals may be alike.
-WINDOW, BLOCK = 31, 8
+_WINDOW, _BLOCK = 31, 8
 #: Error of the model relative to the rms of the force on the lines of a level, as a floor of every weight.
 MODEL_ERROR = 0.002
 #: Error of every force along a motion that is known at samples only, relative. Five records of the linear motor without
@@ -55,14 +55,14 @@ MODEL_ERROR = 0.002
 #: of the Coulomb friction over the velocity, by 0.02 % of the Coulomb friction and by 0.01 % of Fs.
 FORCE_ERROR = 1e-4
 #: Break-away displacements that are tried, per search for one more element.
-N_TRIED = 20
+_N_TRIED = 20
 #: Elements at most, and the F ratio that one more has to bring: chance brings over 20 in one search of a thousand
 #: (chi-square with two degrees of freedom, twenty trials).
-MOST_ELEMENTS, WORTH = 8, 20.0
+_MOST_ELEMENTS, WORTH = 8, 20.0
 #: Starts that are tried where the first leaves more than a share of the force (or of Fs) of a level, noise taken off:
 #: from a wrong stiction two random machines of seven ended with a strength that was 30 % off, and the linear motor
 #: under a soft drive with a viscous friction that drives it, at 0.8 %.
-N_STARTS, EXPLAINED = 3, 0.005
+_N_STARTS, _EXPLAINED = 3, 0.005
 #: The same of two masses, at levels above half of Fs, where elements slip and a wrong minimum shows. A right fit of the
 #: belt left 0.2 %, of the ball screw 1.0 %; a wrong one of the joint, with Fs 16 % low, 1.5 %. Levels below have more
 #: by the step of the encoder, up to 1.7 %.
@@ -72,9 +72,9 @@ EXPLAINED_BY_TWO = 0.012
 #: Maxwell slip the worst leaves 9 % at first, and 0.1 % with one more element.
 REFUTED = 0.1
 #: Share that one more element of two masses may leave, over that before: others explained only what was explained.
-LEFT_BY_ONE_MORE = 0.9
+_LEFT_BY_ONE_MORE = 0.9
 #: Passes of a search at most, and what one more, or one more parameter, has to gain in -2 log likelihood.
-MOST_PASSES, LEAST_GAIN = 6, 6.0
+_MOST_PASSES, _LEAST_GAIN = 6, 6.0
 #: Passes in which the weights follow the residual.
 N_PASSES = 3
 #: Half-width of a 95 % interval in standard deviations.
@@ -82,14 +82,14 @@ HALF_WIDTH = 1.96
 
 
 #: Units of a quantity, in terms of force F and length L, that have a name of their own.
-NAMED = {("F s^2/L", "N", "m"): "kg", ("F s^2/L", "Nm", "rad"): "kg m^2"}
+_NAMED = {("F s^2/L", "N", "m"): "kg", ("F s^2/L", "Nm", "rad"): "kg m^2"}
 
 
 def unit_of(quantity: str, units: tuple[str, str]) -> str:
     """Unit of a quantity given in force F and length L, for the units of both."""
     force, length = units
     made = quantity.replace("L", length).replace("F", force)
-    return NAMED.get((quantity, *units), made)
+    return _NAMED.get((quantity, *units), made)
 
 
 #: Numbers with an interval, what they are called, their unit in terms of force F and length L, and the factor to it.
@@ -296,7 +296,7 @@ def motion_of_record(
     noise = np.zeros(mean.shape)
     if P > 1:
         spread = (np.abs(Y - mean[:, np.newaxis]) ** 2).sum(axis=1) / (P - 1) / P
-        noise = np.stack([smoothed(one) for one in spread])
+        noise = np.stack([_smoothed(one) for one in spread])
     gain = np.clip(1 - shrinkage * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny), 0.0, 1.0)
     shrunk = mean * gain
     shrunk[:, 0] = 0.0  # where the axis stands is not known to the elements
@@ -325,9 +325,9 @@ def motion_of_record(
     )
 
 
-def smoothed(values: np.ndarray) -> np.ndarray:
+def _smoothed(values: np.ndarray) -> np.ndarray:
     """Mean over a window of lines."""
-    half = min(WINDOW // 2, values.size - 1)
+    half = min(_WINDOW // 2, values.size - 1)
     return np.convolve(np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
 
 
@@ -358,10 +358,10 @@ def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     is taken. What of the first is left by then has decayed with exp(-c/(2 m2) T) at least: by 1e-3 and more on the
     presets of `nlfrf.servo_axis`.
     """
-    return follow_load(motion, candidate)[0] if candidate.terms.load else np.zeros(motion.U.shape, dtype=complex)
+    return _follow_load(motion, candidate)[0] if candidate.terms.load else np.zeros(motion.U.shape, dtype=complex)
 
 
-def follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
+def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
     """Return (1, M, W) force of the load, or (1 + p, M, W) with its derivatives by `LOAD` and those of its elements."""
     numbers, sliders = candidate.numbers, candidate.load_sliders
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
@@ -423,7 +423,7 @@ def pack(candidate: Candidate) -> np.ndarray:
     return np.concatenate([numbers, *(np.log(one) for one in elements)])
 
 
-def unpack(x: np.ndarray, like: Candidate) -> Candidate:
+def _unpack(x: np.ndarray, like: Candidate) -> Candidate:
     """Return the candidate of a vector, with the terms and as many elements as another."""
     names, n = like.terms.names, like.stiffness.size
     elements = np.exp(x[len(names) :])
@@ -437,17 +437,17 @@ def unpack(x: np.ndarray, like: Candidate) -> Candidate:
     )
 
 
-def spectra_of(motion: Motion, candidate: Candidate) -> np.ndarray:
+def _spectra_of(motion: Motion, candidate: Candidate) -> np.ndarray:
     """Return (E, M, W) spectra of the elements of a candidate at the motor, of unit stiffness."""
     return element_spectra(motion, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
 
 
 def residual_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W) what the candidate leaves of the force; with its `spectra_of` where they are known."""
+    """Return (M, W) what the candidate leaves of the force; with its `_spectra_of` where they are known."""
     left = actuated_force(motion, candidate.numbers)
     for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
         left = left - candidate.numbers[name] * column
-    spectra = spectra_of(motion, candidate) if spectra is None else spectra
+    spectra = _spectra_of(motion, candidate) if spectra is None else spectra
     return np.asarray(left - np.tensordot(candidate.stiffness, spectra, axes=1) - reaction_of_load(motion, candidate))
 
 
@@ -458,14 +458,14 @@ STEP = 2e-3
 
 
 def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W, p) derivatives of the residual by the parameters; with its `spectra_of` where they are known."""
+    """Return (M, W, p) derivatives of the residual by the parameters; with its `_spectra_of` where they are known."""
     omega, terms, numbers, D = motion.omega, candidate.terms, candidate.numbers, candidate.breakaway
     columns = [-one for one in linear_columns(motion, terms)]
     force = actuated_force(motion, numbers)
     columns.append(-1j * omega * force)
     if terms.lag:
         columns.append(-(omega**2) / 2 * force)  # to first order in T^2
-    base = spectra_of(motion, candidate) if spectra is None else spectra
+    base = _spectra_of(motion, candidate) if spectra is None else spectra
     if terms.stiction:
         ahead = np.exp(STEP)
         for stiction, vs in (
@@ -474,7 +474,7 @@ def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None =
         ):
             moved = element_spectra(motion, D, stiction=stiction, vs=vs)
             columns.append(-np.tensordot(candidate.stiffness, moved - base, axes=1) / STEP)
-    of_load = list(-follow_load(motion, candidate, slopes=True)[1:]) if terms.load else []
+    of_load = list(-_follow_load(motion, candidate, slopes=True)[1:]) if terms.load else []
     columns += of_load[: len(LOAD)]
     wider = element_spectra(motion, D * np.exp(STEP), stiction=candidate.stiction, vs=candidate.vs)
     narrower = element_spectra(motion, D * np.exp(-STEP), stiction=candidate.stiction, vs=candidate.vs)
@@ -491,7 +491,7 @@ def as_real(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 #: Range of the parameters that have one.
-BOUNDS = {
+_BOUNDS = {
     "lag_squared": (0.0, np.inf),
     "log_excess": (-4.0, 1.0),
     "log_vs": (-14.0, 2.0),
@@ -502,7 +502,7 @@ BOUNDS = {
 
 
 #: Evaluations of Gauss-Newton steps at most, and to rank starts by.
-MOST_STEPS, FEW_STEPS = 30, 8
+_MOST_STEPS, _FEW_STEPS = 30, 8
 
 
 def refine(
@@ -511,7 +511,7 @@ def refine(
     *,
     candidate: Candidate,
     span: tuple[float, float],
-    steps: int = MOST_STEPS,
+    steps: int = _MOST_STEPS,
     held: Sequence[str] = (),
 ) -> Candidate:
     """Gauss-Newton steps from a candidate, the weights and `held` numbers held, in `steps` evaluations at most."""
@@ -524,21 +524,21 @@ def refine(
         lows += [(stiffest - 25) * each, np.log(span[0]) * each]
         highs += [(stiffest + 5) * each, np.log(span[1]) * each]
     low, high = np.concatenate(lows), np.concatenate(highs)
-    for name, (least, most) in BOUNDS.items():
+    for name, (least, most) in _BOUNDS.items():
         if name in names:
             low[names.index(name)], high[names.index(name)] = least, most
 
     @lru_cache(maxsize=1)  # derivatives are taken where the residual was
     def forces(packed: bytes) -> list[np.ndarray]:
-        one = unpack(np.frombuffer(packed), candidate)
-        return [spectra_of(level, one) for level in levels]
+        one = _unpack(np.frombuffer(packed), candidate)
+        return [_spectra_of(level, one) for level in levels]
 
     def residual(x: np.ndarray) -> np.ndarray:
-        one, parts = unpack(x, candidate), zip(levels, stds, forces(x.tobytes()), strict=True)
+        one, parts = _unpack(x, candidate), zip(levels, stds, forces(x.tobytes()), strict=True)
         return as_real([residual_of(level, one, spectra) / std for level, std, spectra in parts])
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        one, parts = unpack(x, candidate), zip(levels, stds, forces(x.tobytes()), strict=True)
+        one, parts = _unpack(x, candidate), zip(levels, stds, forces(x.tobytes()), strict=True)
         table = as_real([slopes_of(level, one, spectra) / std[..., np.newaxis] for level, std, spectra in parts])
         table[:, still] = 0.0
         return table
@@ -547,32 +547,32 @@ def refine(
     found = least_squares(
         residual, start, jac=slopes, bounds=(low, high), x_scale="jac", ftol=1e-4, xtol=1e-5, max_nfev=steps
     )
-    return without_faint(unpack(found.x, candidate))
+    return _without_faint(_unpack(found.x, candidate))
 
 
 #: Ratio of break-away displacements below which two elements are one.
-CLOSE = 1.1
+_CLOSE = 1.1
 
 
-def without_faint(candidate: Candidate) -> Candidate:
+def _without_faint(candidate: Candidate) -> Candidate:
     """The candidate without elements that hold next to nothing, and with those joined that break away together."""
     k, D = candidate.all_elements
     total, strength = float(k.sum()), float(k @ D)
-    stiffness, breakaway = merged(candidate.stiffness, candidate.breakaway, total=total, strength=strength)
-    k2, D2 = merged(
+    stiffness, breakaway = _merged(candidate.stiffness, candidate.breakaway, total=total, strength=strength)
+    k2, D2 = _merged(
         np.asarray(candidate.load_stiffness), np.asarray(candidate.load_breakaway), total=total, strength=strength
     )
     return replace(candidate, stiffness=stiffness, breakaway=breakaway, load_stiffness=k2, load_breakaway=D2)
 
 
-def merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
+def _merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
     """Elements of stiffness k and break-away D, sorted, without those that are faint in a total, close ones as one."""
     order = np.argsort(D)
     k, D = k[order], D[order]
     keep = (k > 1e-3 * total) | (k * D > 1e-3 * strength)
     found: list[tuple[float, float]] = []
     for stiffness, breakaway in zip(k[keep].tolist(), D[keep].tolist(), strict=True):
-        if found and breakaway < CLOSE * found[-1][1]:
+        if found and breakaway < _CLOSE * found[-1][1]:
             before, at = found.pop()
             both = before + stiffness
             found.append((both, (before * at + stiffness * breakaway) / both))
@@ -586,7 +586,7 @@ def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
     """Return (M, W) standard deviation of every line, from the residual around it."""
     found = []
     for level in levels:
-        power = smoothed((np.abs(residual_of(level, candidate)) ** 2).mean(axis=0))
+        power = _smoothed((np.abs(residual_of(level, candidate)) ** 2).mean(axis=0))
         floor = MODEL_ERROR**2 * float((np.abs(level.U) ** 2).mean())
         found.append(np.tile(np.sqrt(power + floor), (level.U.shape[0], 1)))
     return found
@@ -611,7 +611,7 @@ def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
 def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> list[Candidate]:
     """Non-negative least squares on a grid of elements, for several delays; one a choice of stiction, best first."""
     terms = Terms(spring=spring)
-    tried = np.geomspace(*span, N_TRIED // 2 + 2)
+    tried = np.geomspace(*span, _N_TRIED // 2 + 2)
     scales = [np.sqrt((np.abs(level.U) ** 2).mean()) for level in levels]
     speeds = [float(np.std(level.v)) for level in levels]
     # a column and its negative where the sign is free
@@ -653,10 +653,10 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
                 best = off, Candidate(terms=chosen, numbers=numbers, stiffness=k, breakaway=tried)
         assert best is not None
         starts.append(best)
-    return [join_neighbouring_elements(one) for _, one in sorted(starts, key=lambda start: start[0])]
+    return [_join_neighbouring_elements(one) for _, one in sorted(starts, key=lambda start: start[0])]
 
 
-def join_neighbouring_elements(candidate: Candidate) -> Candidate:
+def _join_neighbouring_elements(candidate: Candidate) -> Candidate:
     """Join the elements of a grid two by two: stiffness added, break-away distance averaged by it.
 
     Elements below 0.1 % of stiffness and of force are left out, and the MOST_ELEMENTS of most force are kept; one of
@@ -677,7 +677,7 @@ def join_neighbouring_elements(candidate: Candidate) -> Candidate:
             if some[i]:
                 pairs.append((k[i], D[i]))
             i += 1
-    stiffness, breakaway = np.array(sorted(pairs, key=lambda one: -one[0] * one[1])[:MOST_ELEMENTS]).T
+    stiffness, breakaway = np.array(sorted(pairs, key=lambda one: -one[0] * one[1])[:_MOST_ELEMENTS]).T
     return replace(candidate, stiffness=stiffness, breakaway=breakaway)
 
 
@@ -730,8 +730,8 @@ def extend(
         parts = [-(level.omega**4) * level.Y for level in levels]
         wider = replace(terms, softening=True)
         offer(parts, lambda amount: replace(candidate, terms=wider, numbers=candidate.numbers | {"softening": amount}))
-    if 0 < candidate.stiffness.size < MOST_ELEMENTS:
-        tried = np.geomspace(*span, N_TRIED)
+    if 0 < candidate.stiffness.size < _MOST_ELEMENTS:
+        tried = np.geomspace(*span, _N_TRIED)
         spectra = [element_spectra(level, tried, stiction=candidate.stiction, vs=candidate.vs) for level in levels]
         for i, D in enumerate(tried):
 
@@ -743,10 +743,10 @@ def extend(
                 )
 
             offer([part[i] for part in spectra], with_element)
-    if 0 < np.size(candidate.load_stiffness) < MOST_ELEMENTS:
+    if 0 < np.size(candidate.load_stiffness) < _MOST_ELEMENTS:
         faint = STEP * float(np.sum(candidate.load_stiffness))
         reactions = [reaction_of_load(level, candidate) for level in levels]
-        for D in np.geomspace(*span, N_TRIED // 2):
+        for D in np.geomspace(*span, _N_TRIED // 2):
 
             def with_load_element(amount: float, D: float = D) -> Candidate:
                 return replace(
@@ -770,37 +770,37 @@ def search(
     held : numbers of two masses that are known, and held until friction is found.
     """
     if starts[0].terms.load:
-        first = try_start(levels, starts[0], span, held)[1]
+        first = _try_start(levels, starts[0], span, held)[1]
         if held and largest_share(levels, first) > REFUTED:
-            first = try_start(levels, first, span)[1]
+            first = _try_start(levels, first, span)[1]
         if largest_share(levels, first) > REFUTED:
             return first
         starts = [first, *starts[1:]]
-    found = [extend_fully(levels, settle(levels, starts[0], span), span)]
-    explained = EXPLAINED_BY_TWO if starts[0].terms.load else EXPLAINED
+    found = [_extend_fully(levels, settle(levels, starts[0], span), span)]
+    explained = EXPLAINED_BY_TWO if starts[0].terms.load else _EXPLAINED
     if explained <= largest_share(levels, found[0][1]) <= REFUTED:
         # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
         # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8
         # right
-        others = sorted((try_start(levels, start, span) for start in starts[1:]), key=criterion)
-        for _, start in others[: N_STARTS - 1]:
-            found.append(extend_fully(levels, settle(levels, start, span), span))
+        others = sorted((_try_start(levels, start, span) for start in starts[1:]), key=_criterion)
+        for _, start in others[: _N_STARTS - 1]:
+            found.append(_extend_fully(levels, settle(levels, start, span), span))
             if largest_share(levels, found[-1][1]) < explained:
                 break
-    return min(found, key=criterion)[1]
+    return min(found, key=_criterion)[1]
 
 
-def try_start(
+def _try_start(
     levels: list[Motion], start: Candidate, span: tuple[float, float], held: Sequence[str] = ()
 ) -> tuple[float, Candidate]:
     """Take a few steps from a start, some numbers held: (-2 log likelihood, candidate)."""
     levels = with_branches(levels, start)
-    steps = MOST_STEPS if start.terms.load else FEW_STEPS
+    steps = _MOST_STEPS if start.terms.load else _FEW_STEPS
     found = refine(levels, reweight(levels, start), candidate=start, span=span, steps=steps, held=held)
-    return likelihood_of(levels, found), found
+    return _likelihood_of(levels, found), found
 
 
-def extend_fully(
+def _extend_fully(
     levels: list[Motion], settled: tuple[float, Candidate], span: tuple[float, float]
 ) -> tuple[float, Candidate]:
     """Extend a settled candidate by one term or element at a time, while that makes the levels likelier.
@@ -809,9 +809,9 @@ def extend_fully(
     """
     likelihood, candidate = settled
     two, before = candidate.terms.load, np.inf
-    for k in range(MOST_ELEMENTS + 4):
+    for k in range(_MOST_ELEMENTS + 4):
         share = largest_share(levels, candidate) if k or two else 0.0
-        if share > REFUTED or (two and not EXPLAINED_BY_TWO <= share < LEFT_BY_ONE_MORE * before):
+        if share > REFUTED or (two and not EXPLAINED_BY_TWO <= share < _LEFT_BY_ONE_MORE * before):
             break
         before = share
         chosen = with_branches(levels, candidate)
@@ -848,10 +848,10 @@ def share_left(level: Motion, candidate: Candidate) -> tuple[float, float]:
     return float(np.sqrt(max(0.0, unexplained - noise))), float(np.sqrt(noise))
 
 
-def criterion(found: tuple[float, Candidate]) -> float:
+def _criterion(found: tuple[float, Candidate]) -> float:
     """-2 log likelihood and what every parameter has to gain: a stiction that explains nothing is none."""
     likelihood, candidate = found
-    return likelihood + LEAST_GAIN * pack(candidate).size
+    return likelihood + _LEAST_GAIN * pack(candidate).size
 
 
 def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> tuple[float, Candidate]:
@@ -860,27 +860,27 @@ def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
     The weights and branches of a start are wrong, and with them the steps end early: a start of the joint preset went
     from 2.3 to 1.3 % of the force at break-away in four passes.
     """
-    best = likelihood_of(with_branches(levels, candidate), candidate), candidate
-    for _ in range(MOST_PASSES):
+    best = _likelihood_of(with_branches(levels, candidate), candidate), candidate
+    for _ in range(_MOST_PASSES):
         levels = with_branches(levels, candidate)
         candidate = refine(levels, reweight(levels, candidate), candidate=candidate, span=span)
-        likelihood = likelihood_of(levels, candidate)
+        likelihood = _likelihood_of(levels, candidate)
         gained = best[0] - likelihood
         if gained > 0:
             best = likelihood, candidate
-        if gained < LEAST_GAIN:
+        if gained < _LEAST_GAIN:
             break
     return best
 
 
-def likelihood_of(levels: list[Motion], candidate: Candidate) -> float:
+def _likelihood_of(levels: list[Motion], candidate: Candidate) -> float:
     """-2 log likelihood, every level with a variance of its own."""
     powers = [float((np.abs(residual_of(level, candidate)) ** 2).mean()) for level in levels]
     return sum(2 * level.U.size * float(np.log(power)) for level, power in zip(levels, powers, strict=True))
 
 
 #: Starts around a minimum, and their distance from it in standard deviations.
-N_AROUND, DISTANCE = 4, 4.0
+_N_AROUND, _DISTANCE = 4, 4.0
 
 
 def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> Candidate:
@@ -892,20 +892,20 @@ def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
     """
     rng = np.random.default_rng(0)
     likelihood, candidate = settle(levels, candidate, span)
-    for _ in range(MOST_PASSES):
+    for _ in range(_MOST_PASSES):
         levels = with_branches(levels, candidate)
         stds = reweight(levels, candidate)
         covariance = covariances_of(levels, stds, candidate)[1]
         size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         variances, axes = np.linalg.eigh(covariance / np.outer(size, size))
-        spread = DISTANCE * size[:, np.newaxis] * axes * np.sqrt(np.maximum(variances, 0.0))
+        spread = _DISTANCE * size[:, np.newaxis] * axes * np.sqrt(np.maximum(variances, 0.0))
         found = []
-        for _ in range(N_AROUND):
-            start = unpack(pack(candidate) + spread @ rng.standard_normal(size.size), candidate)
+        for _ in range(_N_AROUND):
+            start = _unpack(pack(candidate) + spread @ rng.standard_normal(size.size), candidate)
             end = refine(levels, stds, candidate=start, span=span)
-            found.append((likelihood_of(with_branches(levels, end), end), end))
+            found.append((_likelihood_of(with_branches(levels, end), end), end))
         best = min(found, key=lambda one: one[0])
-        if best[0] > likelihood - LEAST_GAIN:
+        if best[0] > likelihood - _LEAST_GAIN:
             break
         likelihood, candidate = settle(levels, best[1], span)
     return candidate
@@ -914,7 +914,7 @@ def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
 # ---- Intervals.
 
 #: Share of a block that the fit leaves at least: what it leaves of less is rounding.
-LEAST_SHARE = 1e-6
+_LEAST_SHARE = 1e-6
 
 
 def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
@@ -935,12 +935,12 @@ def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Cand
     bread = np.linalg.pinv((table / size).T @ (table / size), rcond=1e-13)
     scores, power = [], 0.0
     for slope, residual in zip(slopes, residuals, strict=True):
-        blocks = max(2, int(np.ceil(slope.shape[1] / BLOCK)))
+        blocks = max(2, int(np.ceil(slope.shape[1] / _BLOCK)))
         for lines in np.array_split(np.arange(slope.shape[1]), blocks):
             part, left = as_real([slope[:, lines]]) / size, as_real([residual[:, lines]])
             power += float(left @ left)
             shares, axes = np.linalg.eigh(part @ bread @ part.T)
-            scores.append(part.T @ axes @ (axes.T @ left / np.maximum(1 - shares, LEAST_SHARE)))
+            scores.append(part.T @ axes @ (axes.T @ left / np.maximum(1 - shares, _LEAST_SHARE)))
     together, outer = np.array(scores), np.outer(size, size)
     jackknife = (1 - 1 / len(scores)) * bread @ (together.T @ together) @ bread
     n, p = table.shape
@@ -949,7 +949,7 @@ def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Cand
 
 def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
     """Return what is reported, from the packed parameters: of a machine with a load all together, and the load."""
-    one = unpack(x, like)
+    one = _unpack(x, like)
     numbers = one.numbers
     K0, Fs = float(one.stiffness.sum()), float(one.stiffness @ one.breakaway)
     found = {

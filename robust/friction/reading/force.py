@@ -23,63 +23,63 @@ from robust.lti.sampling import hold_correction
 
 #: Share of its peak that the steps of the encoder may make of a force: where they make more, it is cut off in
 #: frequency.
-MOST_STEPS = 0.015
+_MOST_STEPS = 0.015
 #: Peak of the acceleration of one step of the encoder, over omega^2 of the step, behind the filter of an edge omega.
-STEP_ACCELERATION = 0.153
+_STEP_ACCELERATION = 0.153
 #: Edge at most, over half the sampling frequency, and oscillations at the edge for which its filter rings. Of 178 axes
 #: the interval of the break-away force held 169, 171 and 170 with 0.4, 0.55 and 0.8.
-HIGHEST, RINGS = 0.55, 6
+_HIGHEST, _RINGS = 0.55, 6
 #: Samples that lie above a peak, for every sample at most.
-ABOVE_PEAK = 5e-4
+_ABOVE_PEAK = 5e-4
 #: Share of its rms by which a position may change from period to period.
-MOST_CHANGE = 0.2
+_MOST_CHANGE = 0.2
 #: Share of samples at a limit of the force above which a level is not read.
-CLIPPED = 2e-3
+_CLIPPED = 2e-3
 #: Power of the level with which the peak force still rises where the axis breaks away. It is one while friction sticks.
 #: Here and below: set on 24 axes with six laws of friction, 13 of them with stiction two to four times Coulomb
 #: friction, and tried on others (benchmarks/bench_stranger.py).
-FLAT = 0.155
+_FLAT = 0.155
 #: What peaks leave open of the break-away force: they were 5 % low to 7 % high, as the crest of a filtered force is.
-SCATTER_LOW, SCATTER_HIGH = 0.08, 0.03
+_SCATTER_LOW, _SCATTER_HIGH = 0.08, 0.03
 #: Peaks that fall with the level, by more than a share, may have been taken at a speed at which stiction has fallen
 #: already. The excess over Coulomb friction is up to the second factor larger then. It is up to the first where they do
 #: not fall, or where the fall is seen at higher speeds. Set on 60 axes, half of which jump when they break away.
-FALLEN, EXCESS, EXCESS_FALLEN = 0.07, 1.25, 3.0
+_FALLEN, _EXCESS, _EXCESS_FALLEN = 0.07, 1.25, 3.0
 #: Share of Coulomb friction below which a peak that does not rise is one of the encoder's steps.
-BELOW_COULOMB = 0.7
+_BELOW_COULOMB = 0.7
 #: Steps of the encoder that may add up in a peak.
-STEPS_TOGETHER = 2.0
+_STEPS_TOGETHER = 2.0
 #: Rms of a position over the step of the encoder from which stiffness and damping are read, and standard deviations of
 #: their ends.
-FEWEST_STEPS, FEWEST_STEPS_DAMPING, SIGMAS = 4.0, 10.0, 3.0
+_FEWEST_STEPS, _FEWEST_STEPS_DAMPING, _SIGMAS = 4.0, 10.0, 3.0
 #: Levels that stick have this share of the stiffness of the stiffest, those where no element slips the second. There
 #: Maxwell slip has no damping; of more than a share of the stiffness, at the middle of the lines, it creeps. The
 #: highest of them may have begun to slip.
-STICKS, NONE_SLIPS, CREEPS = 0.9, 0.985, 0.01
+_STICKS, _NONE_SLIPS, _CREEPS = 0.9, 0.985, 0.01
 #: Levels, the highest, from which the fall of the friction with speed is read, and the share of their peak that the
 #: steps of the encoder may make there.
-LEVELS_STRIBECK, STEPS_STRIBECK = 4, 0.1
+_LEVELS_STRIBECK, _STEPS_STRIBECK = 4, 0.1
 #: Stribeck velocities that are tried [m/s] or [rad/s]; the last ones look like viscous friction.
-STRIBECK_VELOCITIES, FASTEST_STRIBECK = np.geomspace(2e-4, 0.1, 40), 0.06
+_STRIBECK_VELOCITIES, _FASTEST_STRIBECK = np.geomspace(2e-4, 0.1, 40), 0.06
 #: Share by which a Stribeck curve lowers the variance at least, share of that which all of the interval reach, and
 #: factor by which a filtered force shows the velocity too high. Set on 32 axes and tried on 22 others: of the 30 that
 #: show a velocity the interval holds 29; the last has Dahl friction, which has none.
-SHOWN, REACHED, TOO_HIGH = 0.01, 0.75, 1.5
+_SHOWN, _REACHED, _TOO_HIGH = 0.01, 0.75, 1.5
 #: Way since a reversal, over that of the largest friction force on its stiffness, from which friction slides.
-SLIDES_AFTER = 6.0
+_SLIDES_AFTER = 6.0
 #: Samples of sliding friction from which its fall is read, slides from one reversal to the next from which its mean is,
 #: and share of Coulomb friction by which traces of one friction may differ. It was 4 % on 12 axes with six laws; on 26
 #: others nothing was contradicted. Of 16 whose friction grew by 30 % it was on 13: the levels of the rest ended at
 #: speeds at which stiction had not fallen.
-FEWEST_SAMPLES, FEWEST_SLIDES, SLIDE_ERROR = 300, 5, 0.05
-HOLDS_BOTH = "The break-away force holds both. "
+_FEWEST_SAMPLES, _FEWEST_SLIDES, _SLIDE_ERROR = 300, 5, 0.05
+_HOLDS_BOTH = "The break-away force holds both. "
 #: Edge up to which friction is read at most, over the antiresonance of a load: motor and load move as one below. Of 38
 #: axes with a load the interval of the break-away force held 34, 35 and 36 with 0.23, 0.35 and 0.45.
-RIGID = 0.45
+_RIGID = 0.45
 
 
 @value
-class CoupledLoad:
+class _CoupledLoad:
     """A load behind the spring of a motor, with its share of the friction.
 
     Fields
@@ -135,7 +135,7 @@ class FrictionForce:
     stribeck: np.ndarray
     reason: str = ""
     contradiction: str = ""
-    load: CoupledLoad | None = None
+    load: _CoupledLoad | None = None
 
     def __str__(self) -> str:
         units = self.sliding.units
@@ -189,36 +189,36 @@ def read_friction_force(
     """
     sliding = identify_sliding(moving, velocities, masses=masses)
     sizes = [np.abs(np.asarray(one.u[0])) for one in levels]
-    limited = [np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED for size in sizes]
+    limited = [np.mean(size > (1 - 1e-9) * size.max()) > _CLIPPED for size in sizes]
     whole = [one for one, cut_off in zip(levels, limited, strict=True) if not cut_off]
-    kept = [one for one in whole if repeats(one)]
+    kept = [one for one in whole if _repeats(one)]
     # below the first level that repeats the axis hunts by itself
     first = next((k for k, one in enumerate(whole) if one is kept[0]), 0) if kept else len(whole)
-    shown = sorted(peak_of_level(one, sliding) for one in whole[first:])
-    peaks = [peak_of_level(one, sliding) for one in kept]
+    shown = sorted(_peak_of_level(one, sliding) for one in whole[first:])
+    peaks = [_peak_of_level(one, sliding) for one in kept]
     Fs, reason = break_away(shown, abs(sliding.coulomb), falls_later=True)
-    K0, bristle_time, damped = stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
-    f, v, slides = slides_of(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0)
-    stribeck = stribeck_velocity(f, v, abs(sliding.coulomb))
+    K0, bristle_time, damped = _stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
+    f, v, slides = _slides_of(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0)
+    stribeck = _stribeck_velocity(f, v, abs(sliding.coulomb))
     if not np.isfinite(stribeck).all():
         Fs, reason = break_away(shown, abs(sliding.coulomb))
     largest = float(Fs[1]) if np.isfinite(Fs[1]) else max((one.peak for one in shown), default=0.0)
     contradiction = ""
-    if (grown := growth_of_friction(sliding, f, v, slides)) is not None:
+    if (grown := _growth_of_friction(sliding, f, v, slides)) is not None:
         at_rest, factor = grown
         Fs = Fs * [1.0, max(1.0, factor)]
         low, high = np.sort(np.abs(sliding.interval("coulomb")))
         contradiction = (
             f"the friction is {low:.4g} to {high:.4g} {sliding.units[0]} in motion and {at_rest[0]:.4g} to "
             f"{at_rest[1]:.4g} where it slides at rest: it has grown between the traces, or rises with speed by more "
-            f"than a viscous one. {HOLDS_BOTH * bool(np.isfinite(Fs).all())}Take all traces anew, in one go"
+            f"than a viscous one. {_HOLDS_BOTH * bool(np.isfinite(Fs).all())}Take all traces anew, in one go"
         )
     return FrictionForce(
         sliding=sliding,
         Fs=Fs,
         K0=K0,
         bristle_time=bristle_time,
-        creeps=damped > falling_slope(sliding, largest, float(stribeck[1])),
+        creeps=damped > _falling_slope(sliding, largest, float(stribeck[1])),
         stribeck=stribeck,
         reason=reason,
         contradiction=contradiction,
@@ -226,29 +226,29 @@ def read_friction_force(
     )
 
 
-def coupled_load(machine: SlidingFit | FrictionFit, share: float) -> CoupledLoad:
+def coupled_load(machine: SlidingFit | FrictionFit, share: float) -> _CoupledLoad:
     """Return the load of a machine that was read, with its share of the friction."""
     damping = max(0.0, machine.coupling_damping)
-    return CoupledLoad(mass=machine.load_mass, stiffness=machine.coupling, damping=damping, share=share)
+    return _CoupledLoad(mass=machine.load_mass, stiffness=machine.coupling, damping=damping, share=share)
 
 
-def repeats(record: nlfrf.Record) -> bool:
+def _repeats(record: nlfrf.Record) -> bool:
     """Whether a level does the same in each period: one that hunts by itself makes a jump of where a period ends."""
     y = np.asarray(record.y)[0]
     changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
-    return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * smallest_step(record.y)))
+    return bool(changes < max(_MOST_CHANGE * np.std(y.mean(axis=0)), 2 * smallest_step(record.y)))
 
 
-def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
+def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
     """Peak of the friction force at one level, up to where the steps of the encoder are small."""
     edge = edge_of_level(record, sliding)
-    f, _, v = friction_over_time(record, sliding, edge)
+    f, _, v = _friction_over_time(record, sliding, edge)
     acceleration = np.gradient(v) * record.fs
-    quiet = STEP_ACCELERATION * sliding.mass * smallest_step(record.y) * edge**2
+    quiet = _STEP_ACCELERATION * sliding.mass * smallest_step(record.y) * edge**2
     return LevelPeak(
         level=float(np.std(record.r if record.r is not None else record.u)),
-        peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * f.size))]),
-        error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2 + STEPS_TOGETHER * quiet,
+        peak=float(np.sort(np.abs(f))[-max(1, int(_ABOVE_PEAK * f.size))]),
+        error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2 + _STEPS_TOGETHER * quiet,
         amplitude=float(np.sqrt(2) * f.std()),
     )
 
@@ -256,19 +256,19 @@ def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
 def edge_of_level(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which the friction force of a level is read, the lines among it."""
     u = np.asarray(record.u)[0].mean(axis=0)
-    edge = quiet_edge(record, machine, MOST_STEPS * float(np.abs(u - u.mean()).max()))
+    edge = _quiet_edge(record, machine, _MOST_STEPS * float(np.abs(u - u.mean()).max()))
     edge = max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), edge)
-    return min(edge, usable_edge(record, machine))
+    return min(edge, _usable_edge(record, machine))
 
 
-def usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
+def _usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which a record shows a friction force at all."""
-    return min(HIGHEST * np.pi * record.fs, rigid_edge(machine))
+    return min(_HIGHEST * np.pi * record.fs, _rigid_edge(machine))
 
 
-def quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
+def _quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
     """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
-    step = STEP_ACCELERATION * machine.mass * smallest_step(record.y)
+    step = _STEP_ACCELERATION * machine.mass * smallest_step(record.y)
     return float(np.sqrt(most / step)) if step else np.inf
 
 
@@ -277,11 +277,11 @@ def friction_of_period(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return position [m] and friction force [N] of the mean period (n,), up to a frequency [rad/s]."""
     u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
-    f, Y, _ = friction_of_signals(u, y, record, machine, edge)
+    f, Y, _ = _friction_of_signals(u, y, record, machine, edge)
     return np.fft.irfft(Y, n=f.size), f
 
 
-def friction_over_time(
+def _friction_over_time(
     record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return friction force [N], position [m] and velocity [m/s] of all periods (n,), up to a frequency [rad/s].
@@ -291,13 +291,13 @@ def friction_over_time(
     """
     u, y = (np.asarray(one)[0].ravel() for one in (record.u, record.y))
     y = y - np.linspace(y[0], y[-1], y.size)
-    f, Y, omega = friction_of_signals(u, y, record, machine, edge)
+    f, Y, omega = _friction_of_signals(u, y, record, machine, edge)
     x, v = (np.fft.irfft(one, n=f.size) for one in (Y, 1j * omega * Y))
-    rings = min(f.size // 10, max(f.size // 100, int(RINGS * 2 * np.pi * record.fs / edge)))
+    rings = min(f.size // 10, max(f.size // 100, int(_RINGS * 2 * np.pi * record.fs / edge)))
     return f[rings:-rings], x[rings:-rings], v[rings:-rings]
 
 
-def friction_of_signals(
+def _friction_of_signals(
     u: np.ndarray, y: np.ndarray, record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the friction force (n,) up to a frequency [rad/s], spectrum of the motion, and frequencies [rad/s].
@@ -315,12 +315,12 @@ def friction_of_signals(
     return np.fft.irfft(force, n=u.size), Y, omega
 
 
-def rigid_edge(machine: SlidingFit | FrictionFit) -> float:
+def _rigid_edge(machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which a motor and a load move as one; infinite of one mass."""
-    return RIGID * float(np.sqrt(machine.coupling / machine.load_mass)) if machine.load_mass else np.inf
+    return _RIGID * float(np.sqrt(machine.coupling / machine.load_mass)) if machine.load_mass else np.inf
 
 
-def slides_of(
+def _slides_of(
     levels: Sequence[nlfrf.Record], sliding: SlidingFit, deflection: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return force f sgn v (n,) [N], speed |v| (n,) and number of its slide (n,) of every sample that slides.
@@ -331,16 +331,16 @@ def slides_of(
     deflection : of friction that sticks, at its largest force [m].
     """
     forces, speeds, slides, count = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)], 0
-    for record in levels[-LEVELS_STRIBECK:]:
-        most = STEPS_STRIBECK * float(np.abs(np.asarray(record.u)).max())
-        edge = min(quiet_edge(record, sliding, most), usable_edge(record, sliding))
-        f, x, v = friction_over_time(record, sliding, edge)
+    for record in levels[-_LEVELS_STRIBECK:]:
+        most = _STEPS_STRIBECK * float(np.abs(np.asarray(record.u)).max())
+        edge = min(_quiet_edge(record, sliding, most), _usable_edge(record, sliding))
+        f, x, v = _friction_over_time(record, sliding, edge)
         turns = np.flatnonzero(np.diff(np.sign(v)))
         if not turns.size:
             continue
         sample = np.arange(v.size)
         last = np.searchsorted(turns, sample) - 1
-        far = (np.abs(x - x[turns[last]]) > SLIDES_AFTER * deflection) & (np.abs(v) > STRIBECK_VELOCITIES[0])
+        far = (np.abs(x - x[turns[last]]) > _SLIDES_AFTER * deflection) & (np.abs(v) > _STRIBECK_VELOCITIES[0])
         far &= last >= 0
         following = turns[np.minimum(last + 1, turns.size - 1)]
         smeared = np.minimum(sample - turns[last], np.abs(following - sample)) < np.pi * record.fs / edge
@@ -352,48 +352,48 @@ def slides_of(
     return np.concatenate(forces), np.concatenate(speeds), np.concatenate(slides)
 
 
-def growth_of_friction(
+def _growth_of_friction(
     sliding: SlidingFit, f: np.ndarray, v: np.ndarray, slides: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
     """Return the sliding force of the levels (2,) [N] and how many times that the trace in motion shows, at most.
 
     None where both agree. Friction that falls with speed is larger at the lower speeds of the levels, never smaller.
     """
-    if v.size < FEWEST_SAMPLES:
+    if v.size < _FEWEST_SAMPLES:
         return None
     fast = (v > np.median(v)) & (slides >= 0)
     means = np.array([f[fast & (slides == one)].mean() for one in np.unique(slides[fast])])
-    if means.size < FEWEST_SLIDES:
+    if means.size < _FEWEST_SLIDES:
         return None
     viscous = HALF_WIDTH * sliding.stds["damping"] * float(v[fast].mean())
-    half = HALF_WIDTH * float(means.std(ddof=1)) / np.sqrt(means.size) + viscous + SLIDE_ERROR * abs(sliding.coulomb)
+    half = HALF_WIDTH * float(means.std(ddof=1)) / np.sqrt(means.size) + viscous + _SLIDE_ERROR * abs(sliding.coulomb)
     low, high = means.mean() - half, means.mean() + half
     coulomb = np.sort(np.abs(sliding.interval("coulomb")))
     return (np.array([low, high]), float(coulomb[1] / low)) if coulomb[0] > high > low > 0 else None
 
 
-def stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarray:
+def _stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarray:
     """Return the interval of the velocity over which the force of friction that slides (n,) falls, by its speed.
 
     f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|. Where no fall shows, the lower end is nan, and the upper one the
     speed above which the force is that of Coulomb friction [N].
     """
     unknown = np.full(2, np.nan)
-    if v.size < FEWEST_SAMPLES:
+    if v.size < _FEWEST_SAMPLES:
         return unknown
-    cells = np.digitize(v, STRIBECK_VELOCITIES)
+    cells = np.digitize(v, _STRIBECK_VELOCITIES)
     means = np.bincount(cells, f) / np.maximum(np.bincount(cells), 1)
-    falls = np.flatnonzero(means > (1 + SLIDE_ERROR) * coulomb)
-    unknown[1] = STRIBECK_VELOCITIES[min(falls[-1] if falls.size else cells.min(), STRIBECK_VELOCITIES.size - 1)]
-    without, costs = fit_stribeck(f, v, None), np.array([fit_stribeck(f, v, vs) for vs in STRIBECK_VELOCITIES])
+    falls = np.flatnonzero(means > (1 + _SLIDE_ERROR) * coulomb)
+    unknown[1] = _STRIBECK_VELOCITIES[min(falls[-1] if falls.size else cells.min(), _STRIBECK_VELOCITIES.size - 1)]
+    without, costs = _fit_stribeck(f, v, None), np.array([_fit_stribeck(f, v, vs) for vs in _STRIBECK_VELOCITIES])
     gains, best = without - costs, int(np.argmin(costs))
-    if not (gains[best] > SHOWN * costs[best] and STRIBECK_VELOCITIES[best] < FASTEST_STRIBECK):
+    if not (gains[best] > _SHOWN * costs[best] and _STRIBECK_VELOCITIES[best] < _FASTEST_STRIBECK):
         return unknown
-    near = STRIBECK_VELOCITIES[gains > REACHED * gains[best]]
-    return np.array([near[0] / TOO_HIGH, near[-1]])
+    near = _STRIBECK_VELOCITIES[gains > _REACHED * gains[best]]
+    return np.array([near[0] / _TOO_HIGH, near[-1]])
 
 
-def fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
+def _fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
     """Return the sum of squares that Coulomb and viscous friction leave, with a fall over vs; a rise is none."""
     columns = [np.ones(v.size), v] + ([] if vs is None else [np.exp(-((v / vs) ** 2))])
     X = np.column_stack(columns)
@@ -411,27 +411,27 @@ def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool 
         return unknown, f"the force of friction shows at rest, at two levels or more, got {len(peaks)}"
     level, peak, error, _ = (np.array(one) for one in zip(*peaks, strict=True))
     slope = np.diff(np.log(np.maximum(peak, 1e-300))) / np.maximum(np.diff(np.log(level)), 1e-9)
-    breaks = peak[:-1] > BELOW_COULOMB * coulomb
-    flat = np.flatnonzero((slope <= FLAT) & breaks)
+    breaks = peak[:-1] > _BELOW_COULOMB * coulomb
+    flat = np.flatnonzero((slope <= _FLAT) & breaks)
     if flat.size:
         k = int(flat[0])
         found = float(np.median(peak[k : k + 3]))
     else:  # bristles with damping give a force above that of break-away at speed: the peak rises again
         k = int(np.argmin(np.where(breaks, slope, np.inf)))
         found = float(peak[k])
-        if k == slope.size - 1 or not breaks[k] or slope[k] > 2 * FLAT:
+        if k == slope.size - 1 or not breaks[k] or slope[k] > 2 * _FLAT:
             return unknown, (
                 f"the force of friction still rises with the level, to {peak[-1]:.3g} at the highest: the axis does "
                 "not break away there. Raise the level"
             )
-    fell = not falls_later and peak[k:].min() < (1 - FALLEN) * found
-    high = (1 + SCATTER_HIGH) * found
-    factor = EXCESS_FALLEN if fell else EXCESS
+    fell = not falls_later and peak[k:].min() < (1 - _FALLEN) * found
+    high = (1 + _SCATTER_HIGH) * found
+    factor = _EXCESS_FALLEN if fell else _EXCESS
     high = max(high, min(coulomb, found) + factor * (high - min(coulomb, found)))
-    return np.array([max(0.0, (1 - SCATTER_LOW) * found - error[k]), high + error[k]]), ""
+    return np.array([max(0.0, (1 - _SCATTER_LOW) * found - error[k]), high + error[k]]), ""
 
 
-def stiffness_at_rest(
+def _stiffness_at_rest(
     levels: Sequence[nlfrf.Record], peaks: Sequence[LevelPeak], sliding: SlidingFit, Fs: float
 ) -> tuple[np.ndarray, float, float]:
     """Interval of the stiffness and largest damping over it of friction that sticks, and the least damping [Ns/m].
@@ -444,30 +444,30 @@ def stiffness_at_rest(
 
     peaks : of each level. Fs : the least break-away force [N]; nan where it is at least the largest peak.
     """
-    least = Fs if np.isfinite(Fs) else (1 - SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
+    least = Fs if np.isfinite(Fs) else (1 - _SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
     read, kept = [], []
     for record, one in zip(levels, peaks, strict=True):
-        if (found := spring_and_damper(record, sliding)) is not None:
+        if (found := _spring_and_damper(record, sliding)) is not None:
             read.append(found)
             kept.append(1 - one.amplitude / least if one.peak + one.error < least else 0.0)
     unknown = np.full(2, np.nan), np.nan, -np.inf
     if not read:
         return unknown
     k, k_std, c, c_std, steps, middle = (np.array(one) for one in zip(*read, strict=True))
-    sure = k - SIGMAS * k_std
+    sure = k - _SIGMAS * k_std
     if not sure.max() > 0:
         return unknown
-    stiff = k > STICKS * k[np.argmax(sure)]
-    highest = [(k[i] + SIGMAS * k_std[i]) / kept[i] for i in range(k.size) if kept[i] > 0]
+    stiff = k > _STICKS * k[np.argmax(sure)]
+    highest = [(k[i] + _SIGMAS * k_std[i]) / kept[i] for i in range(k.size) if kept[i] > 0]
     K0 = np.array([sure.max(), before_coupling(max(sure.max(), min(highest, default=np.inf)), sliding)])
-    clear = stiff & (steps > FEWEST_STEPS_DAMPING)
+    clear = stiff & (steps > _FEWEST_STEPS_DAMPING)
     if not clear.any() or stiff.sum() < 2:  # of one level alone it is not known whether it sticks
         return K0, np.nan, -np.inf
-    none_slips = np.flatnonzero(clear & (k > NONE_SLIPS * k[clear].max()))
+    none_slips = np.flatnonzero(clear & (k > _NONE_SLIPS * k[clear].max()))
     none_slips = none_slips[np.argsort(steps[none_slips])][:-1]
-    damped = (c - SIGMAS * c_std - CREEPS * k / middle)[none_slips].max(initial=-np.inf)
+    damped = (c - _SIGMAS * c_std - _CREEPS * k / middle)[none_slips].max(initial=-np.inf)
     # at every level damping and creep together, so that the least is nearest to the damping
-    return K0, max(0.0, float((c + SIGMAS * c_std)[clear].min())) / float(sure.max()), float(damped)
+    return K0, max(0.0, float((c + _SIGMAS * c_std)[clear].min())) / float(sure.max()), float(damped)
 
 
 def before_coupling(stiffness: float, machine: SlidingFit) -> float:
@@ -481,7 +481,7 @@ def before_coupling(stiffness: float, machine: SlidingFit) -> float:
     return stiffness / left if left > 0 else np.inf
 
 
-def falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
+def _falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
     """Return by how much the viscous friction of a motion may be below that of the machine [Ns/m].
 
     Where friction still falls there, its slope d/dv (Fs - Fc) exp(-(v/vs)^2) is in it, for vs up to the fastest [m/s].
@@ -492,17 +492,17 @@ def falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
     return 2 * falls * v / vs**2 * float(np.exp(-((v / vs) ** 2))) + HALF_WIDTH * sliding.stds["damping"]
 
 
-def spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:
+def _spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:
     """Spring [N/m] and damper [Ns/m] that come closest to the friction force of a level, each with its deviation.
 
     Last the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None where the motion is
     too small, or friction is more of a damper than a spring, as where it slides.
     """
     motion = motion_of_record(record, 1)
-    kept = motion.excited & (motion.omega < rigid_edge(sliding))
+    kept = motion.excited & (motion.omega < _rigid_edge(sliding))
     omega, U, Y = motion.omega[kept], motion.U[:, kept], motion.Y[:, kept]
     motion_rms, step = np.sqrt((np.abs(Y) ** 2).sum(axis=1).mean() / 2), smallest_step(record.y)
-    if not motion_rms > FEWEST_STEPS * step:
+    if not motion_rms > _FEWEST_STEPS * step:
         return None
     force = U * np.exp(-1j * omega * sliding.delay) - force_of_motion(sliding, omega, sliding.damping) * Y
     columns = np.stack([as_real([one]) for one in (Y, 1j * omega * Y)], axis=-1)

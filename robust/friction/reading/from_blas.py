@@ -35,18 +35,18 @@ from robust.lti.sampling import hold_correction
 SIGMAS = 3.0
 #: Error of a linear model relative to |G| that no refusal is made of (calibration, finite steps of a simulation).
 #: Without noise and distortion the variances are at rounding, where every model misses them.
-MODEL_ERROR = 0.01
+_MODEL_ERROR = 0.01
 #: Chance that the misfit test refuses a level that the model explains.
-FALSE_ALARM = 1e-3
+_FALSE_ALARM = 1e-3
 #: Rates b that are tried, per level. Twice as many move the bounds of k by less than 1 % of the fitted standard
 #: deviation (the six frictions of benchmarks/read_class.py).
-N_RATES = 40
+_N_RATES = 40
 #: Gauss-Newton steps for the delay.
-DELAY_STEPS = 8
+_DELAY_STEPS = 8
 
 
 @value
-class Reaction:
+class _Reaction:
     """Reaction at the friction port over the lines of a level.
 
     Fields
@@ -72,7 +72,7 @@ class Reaction:
 
 
 @value
-class LevelFit:
+class _LevelFit:
     """What one level gives.
 
     Fields
@@ -119,7 +119,7 @@ class LevelFit:
 
 
 @value
-class Solution:
+class _Solution:
     """Weighted least squares: parameters, covariance, weighted residuals, and the rate of the slipping element."""
 
     found: np.ndarray
@@ -129,13 +129,13 @@ class Solution:
     rate: float
 
 
-def reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float) -> Reaction:
+def _reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float) -> _Reaction:
     """The friction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), times its delay, solved for N.
 
     error : (W,) standard deviation of the machine's own response, relative to it.
     """
     omega = bla.omega
-    ym, yp, xm, xp = port_responses(machine, omega)
+    ym, yp, xm, xp = _port_responses(machine, omega)
 
     def delayed(tau: float) -> tuple[np.ndarray, np.ndarray]:
         G = bla.G * np.exp(1j * omega * (machine.delay + tau))
@@ -146,8 +146,8 @@ def reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float)
     H, slope = delayed(0.0)
     gain = np.abs(slope) / omega
     # an error of G_ym alone moves N by 1/(G_yp G_xm) where force, sensor and port are one, and about so elsewhere
-    std = np.hypot(relative_std(bla) * gain, error * np.abs(ym / (yp * xm)))
-    return Reaction(omega=omega, H=H, std=std, gain=gain, delayed=delayed, dof=bla.dof)
+    std = np.hypot(_relative_std(bla) * gain, error * np.abs(ym / (yp * xm)))
+    return _Reaction(omega=omega, H=H, std=std, gain=gain, delayed=delayed, dof=bla.dof)
 
 
 def free_mass(bla: Bla) -> FrictionPlant:
@@ -155,7 +155,7 @@ def free_mass(bla: Bla) -> FrictionPlant:
     return friction_plant(float(1 / (bla.omega[-1] ** 2 * np.abs(bla.G[-1]))), 0.0)
 
 
-def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
+def _port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
     """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
     n = machine.A.shape[0]
     pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
@@ -165,47 +165,47 @@ def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarra
     return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
 
 
-def relative_std(bla: Bla) -> np.ndarray:
+def _relative_std(bla: Bla) -> np.ndarray:
     """Return (W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
-    return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + MODEL_ERROR**2))
+    return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + _MODEL_ERROR**2))
 
 
-def port_mass(machine: FrictionPlant) -> float:
+def _port_mass(machine: FrictionPlant) -> float:
     """Return the mass [kg] that a force at the friction port accelerates at once."""
     return 1 / float(machine.velocity @ machine.B_port)
 
 
-def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> LevelFit:
+def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> _LevelFit:
     """Fit what a machine leaves of one level, with and without a slipping element; test it for misfit and delay.
 
     error : (W,) standard deviation of the machine's own response, relative to it.
     """
-    reaction = reaction_around(bla, machine, error)
+    reaction = _reaction_around(bla, machine, error)
     omega, H, std = reaction.omega, reaction.H, reaction.std
-    plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
+    plain = _least_squares(_regressors(omega, np.nan), H, std=std, rate=np.nan)
     slipping = (
-        least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
+        _least_squares(_regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], _N_RATES)
     )
     solutions = [plain, *(one for one in slipping if one.found[3] >= 0)]
     best = min(solutions, key=lambda one: one.chi)
     free = 2 * reaction.omega.size - 5
     misfit = best.chi / free
-    spread = variance_inflation(best, misfit)
-    tau, tau_std, left = fit_delay(reaction, best)
-    softening, softening_std = fit_softening(reaction, best)
-    slow_low, slow_high = profile_interval(solutions, 0, least=best.chi, spread=spread)
+    spread = _variance_inflation(best, misfit)
+    tau, tau_std, left = _fit_delay(reaction, best)
+    softening, softening_std = _fit_softening(reaction, best)
+    slow_low, slow_high = _profile_interval(solutions, 0, least=best.chi, spread=spread)
     too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
-    return LevelFit(
+    return _LevelFit(
         force=float(np.sqrt((np.abs(bla.levels.excited / bla.G) ** 2).sum(axis=1).mean() / 2)),
         stiffness=float(plain.found[0]),
-        stiffness_std=float(np.sqrt(plain.covariance[0, 0] * variance_inflation(plain, plain.chi / (free + 2)))),
-        mass=port_mass(machine) + float(best.found[1]),
+        stiffness_std=float(np.sqrt(plain.covariance[0, 0] * _variance_inflation(plain, plain.chi / (free + 2)))),
+        mass=_port_mass(machine) + float(best.found[1]),
         mass_std=float(np.sqrt(best.covariance[1, 1] * spread)),
         slow=float(best.found[0]),
         slow_low=slow_low,
         slow_high=slow_high,
         misfit=misfit,
-        misfit_limit=misfit_limit(reaction.dof, free),
+        misfit_limit=_misfit_limit(reaction.dof, free),
         slips_below=float(bla.f[0]) if too_slow else np.nan,
         delay=tau,
         delay_std=tau_std,
@@ -215,7 +215,7 @@ def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0)
     )
 
 
-def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
+def _regressors(omega: np.ndarray, rate: float) -> np.ndarray:
     """Return the (W, 3 or 4) columns of k, m, c, and of a where the slipping element has a rate."""
     columns = [np.ones(omega.size), -(omega**2), 1j * omega]
     if np.isfinite(rate):
@@ -223,7 +223,7 @@ def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, rate: float) -> Solution:
+def _least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, rate: float) -> _Solution:
     """Real parameters of complex columns, by QR of the columns scaled to unit length."""
     table = np.vstack([(columns / std[:, None]).real, (columns / std[:, None]).imag])
     target = np.concatenate([(wanted / std).real, (wanted / std).imag])
@@ -234,7 +234,7 @@ def least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, r
     found = inverse @ (Q.T @ target)
     left = target - table / unit @ found
     n = wanted.size
-    return Solution(
+    return _Solution(
         found=found / unit,
         covariance=inverse @ inverse.T / np.outer(unit, unit),
         chi=float(left @ left),
@@ -243,7 +243,7 @@ def least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, r
     )
 
 
-def variance_inflation(solution: Solution, misfit: float) -> float:
+def _variance_inflation(solution: _Solution, misfit: float) -> float:
     """Factor on the variances of a fit: its misfit above one, and neighbouring residuals that are alike.
 
     Distortion of random phases is independent from line to line. Residuals with a correlation r between neighbours are
@@ -256,7 +256,7 @@ def variance_inflation(solution: Solution, misfit: float) -> float:
     return max(1.0, misfit) * (1 + autocorrelation) / (1 - autocorrelation)
 
 
-def profile_interval(solutions: list[Solution], i: int, *, least: float, spread: float) -> tuple[float, float]:
+def _profile_interval(solutions: list[_Solution], i: int, *, least: float, spread: float) -> tuple[float, float]:
     """Profile-likelihood interval of parameter i over all rates of the slipping element."""
     low, high = np.inf, -np.inf
     for one in solutions:
@@ -267,60 +267,60 @@ def profile_interval(solutions: list[Solution], i: int, *, least: float, spread:
     return float(low), float(high)
 
 
-def misfit_limit(dof: np.ndarray, free: int) -> float:
-    """Misfit that lines of a right model exceed with the chance `FALSE_ALARM`.
+def _misfit_limit(dof: np.ndarray, free: int) -> float:
+    """Misfit that lines of a right model exceed with the chance `_FALSE_ALARM`.
 
     A squared residual over a variance of L complex degrees of freedom is F(2, 2 L), of mean L/(L - 1). The windows
     behind the variances overlap, so that each line brings at most one degree of freedom of its own to their mean.
     """
     worth = np.clip(dof, 2.0, 1e9)
     mean = float(np.mean(worth / (worth - 1)))
-    return mean * float(f_distribution.ppf(1 - FALSE_ALARM, free, 2 * np.minimum(worth, 1.0).sum()))
+    return mean * float(f_distribution.ppf(1 - _FALSE_ALARM, free, 2 * np.minimum(worth, 1.0).sum()))
 
 
-def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
+def _fit_delay(reaction: _Reaction, best: _Solution) -> tuple[float, float, float]:
     """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
     tau = 0.0
-    for _ in range(DELAY_STEPS):
+    for _ in range(_DELAY_STEPS):
         H, slope = reaction.delayed(tau)
-        step, std, misfit = fit_one_more(replace(reaction, H=H), best, -slope, size=reaction.gain * reaction.omega)
+        step, std, misfit = _fit_one_more(replace(reaction, H=H), best, -slope, size=reaction.gain * reaction.omega)
         tau += step
     return tau, std, misfit
 
 
-def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
+def _fit_softening(reaction: _Reaction, best: _Solution) -> tuple[float, float]:
     """Coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
 
     One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
     raise by 1 % where that line has a few per cent of noise.
     """
-    return fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
+    return _fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
 
 
-def fit_one_more(
-    reaction: Reaction, best: Solution, column: np.ndarray, *, size: np.ndarray
+def _fit_one_more(
+    reaction: _Reaction, best: _Solution, column: np.ndarray, *, size: np.ndarray
 ) -> tuple[float, float, float]:
     """Return amount, standard deviation and misfit of one more term with this column (W,); size : of the term.
 
     The model error may be alike on all lines, and is then no less for their number.
     """
-    columns = np.column_stack([regressors(reaction.omega, best.rate), column])
-    solution = least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
+    columns = np.column_stack([_regressors(reaction.omega, best.rate), column])
+    solution = _least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
     misfit = solution.chi / (2 * reaction.omega.size - columns.shape[1] - 1)
-    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
+    variance = float(solution.covariance[-1, -1]) * _variance_inflation(solution, misfit)
     precision = np.abs(size / reaction.std) ** 2
-    variance += MODEL_ERROR**2 * float((precision @ np.abs(reaction.gain / size) ** 2) / precision.sum())
+    variance += _MODEL_ERROR**2 * float((precision @ np.abs(reaction.gain / size) ** 2) / precision.sum())
     return float(solution.found[-1]), float(np.sqrt(variance)), misfit
 
 
 #: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
 #: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
 #: levels that slide fail one of the two conditions, whatever their ratio.
-STIFFNESS_AGREEMENT = 0.2
+_STIFFNESS_AGREEMENT = 0.2
 
 
 @value
-class Model:
+class _Model:
     """What the levels are read around.
 
     Fields
@@ -346,10 +346,10 @@ class Model:
     description: str
 
 
-def model_of(blas: list[Bla], nominal: object) -> Model:
+def model_of(blas: list[Bla], nominal: object) -> _Model:
     """Return the nominal as a machine, or one free mass where none was given."""
     if nominal is None:
-        return Model(
+        return _Model(
             machines=(free_mass(blas[0]),),
             error=[np.zeros(bla.f.size) for bla in blas],
             least=0.0,
@@ -359,7 +359,7 @@ def model_of(blas: list[Bla], nominal: object) -> Model:
             description="",
         )
     machines, description = machines_of_nominal(nominal)
-    return Model(
+    return _Model(
         machines=machines,
         error=[error_of_nominal(nominal, bla.omega) for bla in blas],
         least=-np.inf,
@@ -386,13 +386,13 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     blas = [bla.times(one, output_unit=bla.output_units) for bla, one in zip(blas, holds, strict=True)]
     model, fits = fit_around(blas, model_of(blas, nominal))
     fits.sort(key=lambda fit: -fit.force)
-    mass, mass_std = read_mass(fits, model, units)
-    low, rest, fell = read_stiffness(fits, model, units)
+    mass, mass_std = _read_mass(fits, model, units)
+    low, rest, fell = _read_stiffness(fits, model, units)
     top, kilo = fits[0], units.stiffness
     if nominal is None:
         machines: tuple[FrictionPlant, ...] = (friction_plant(mass, low, position_unit=position_unit),)
     else:
-        added = [mass - port_mass(model.machines[-1])] * len(model.machines)
+        added = [mass - _port_mass(model.machines[-1])] * len(model.machines)
         machines = tuple(
             replace(with_port_impedance(one, low, more), position_unit=position_unit)
             for one, more in zip(model.machines, added, strict=True)
@@ -425,10 +425,10 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     )
 
 
-def fit_around(blas: list[Bla], model: Model) -> tuple[Model, list[LevelFit]]:
+def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]:
     """Fit what a machine leaves of every level; return it with the delay that all levels show, and the fits."""
 
-    def fitted(machine: FrictionPlant) -> list[LevelFit]:
+    def fitted(machine: FrictionPlant) -> list[_LevelFit]:
         return [fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)]
 
     fits, known = fitted(model.machines[-1]), model.machines[-1].delay
@@ -441,7 +441,7 @@ def fit_around(blas: list[Bla], model: Model) -> tuple[Model, list[LevelFit]]:
     return replace(model, machines=machines, description=description), fitted(machines[-1])
 
 
-def read_stiffness(fits: list[LevelFit], model: Model, units: MechanicalUnits) -> tuple[float, float, float]:
+def _read_stiffness(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> tuple[float, float, float]:
     """Return the least stiffness at the highest level, the largest at rest [N/m], and what it fell by an octave.
 
     The highest level comes first; what the levels do not give is refused.
@@ -469,10 +469,10 @@ def read_stiffness(fits: list[LevelFit], model: Model, units: MechanicalUnits) -
             f"({lost / 1e3:.4g} {units.stiffness}). "
             "Measure at a higher level, or for longer"
         )
-    return low, stiffness_at_rest(fits, lost, units=units), fell
+    return low, _stiffness_at_rest(fits, lost, units=units), fell
 
 
-def read_mass(fits: list[LevelFit], model: Model, units: MechanicalUnits) -> tuple[float, float]:
+def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> tuple[float, float]:
     """Return mass and its standard deviation [kg]; refuse a turned sign, a delay, and levels that no model explains."""
     if all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
         raise ValueError(
@@ -514,7 +514,7 @@ def highest_level(blas: Sequence[Bla]) -> int:
     return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
 
 
-def stiffness_at_rest(fits: list[LevelFit], lost: float, *, units: MechanicalUnits) -> float:
+def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalUnits) -> float:
     """Stiffness [N/m] at vanishing motion, extrapolated from the lowest level and the one that tells most with it.
 
     A virgin curve with a second derivative at rest loses stiffness in proportion to the amplitude: the loss from rest
@@ -522,7 +522,7 @@ def stiffness_at_rest(fits: list[LevelFit], lost: float, *, units: MechanicalUni
     ratio is that of the forces: at a sharp resonance the displacement hardly grows once elements slip.
     """
     lowest = fits[-1]
-    allowed, extrapolations = STIFFNESS_AGREEMENT * lost, []
+    allowed, extrapolations = _STIFFNESS_AGREEMENT * lost, []
     for other in fits[-2::-1]:
         difference = max(0.0, lowest.stiffness - other.stiffness)
         spread = SIGMAS * float(np.hypot(lowest.stiffness_std, other.stiffness_std))
@@ -537,12 +537,12 @@ def stiffness_at_rest(fits: list[LevelFit], lost: float, *, units: MechanicalUni
         raise ValueError(
             f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
             f"{lowest.stiffness / 1e3:.4g} {units.stiffness} at the two lowest levels, "
-            f"{100 * difference / lost:.3g} % of what the friction adds, more than {100 * STIFFNESS_AGREEMENT:g} %. "
+            f"{100 * difference / lost:.3g} % of what the friction adds, more than {100 * _STIFFNESS_AGREEMENT:g} %. "
             "Measure at a lower level"
         )
     raise ValueError(
         f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
         f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so that "
-        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * STIFFNESS_AGREEMENT:g} % of what the "
-        "friction adds. Measure at a third of the lowest level"
+        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * _STIFFNESS_AGREEMENT:g} % of what "
+        "the friction adds. Measure at a third of the lowest level"
     )

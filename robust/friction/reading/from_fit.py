@@ -13,7 +13,7 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, mechanical_units, position_unit_of
 
-PORTS = ("motor", "load")
+_PORTS = ("motor", "load")
 
 
 def interval_at_port(fit: FrictionFit, name: str, port: str) -> tuple[float, float]:
@@ -75,7 +75,7 @@ def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
         ends = [replace(fit, mass=mass, damping=damping) for mass in masses for damping in dampings]
         return [plant_of_fit(one, spring=spring) for one in (read, *ends)]
     read = replace(read, coupling_damping=fit.interval("coupling_damping")[0])
-    motors, loads = (interval_at_port(fit, "mass", port) for port in PORTS)
+    motors, loads = (interval_at_port(fit, "mass", port) for port in _PORTS)
     ends = [replace(read, mass=fit.load_mass + end) for end in motors if end > 0]
     ends += [replace(read, mass=fit.mass - fit.load_mass + end, load_mass=end) for end in loads if end > 0]
     ends += [replace(read, coupling=end) for end in fit.interval("coupling") if end > 0]
@@ -94,15 +94,15 @@ def read_fit(fit: FrictionFit) -> MachineRead:
         machines_of_fit(fit)[0],
     )
     if fit.load_mass:
-        K0, forces = (np.array([interval_at_port(fit, name, port)[1] for port in PORTS]) for name in ("K0", "Fs"))
-        least = np.array([interval_at_port(fit, "coulomb", port)[0] for port in PORTS])
+        K0, forces = (np.array([interval_at_port(fit, name, port)[1] for port in _PORTS]) for name in ("K0", "Fs"))
+        least = np.array([interval_at_port(fit, "coulomb", port)[0] for port in _PORTS])
         ratio = np.where((least > 0) & np.isfinite(forces), forces / np.where(least > 0, least, 1.0), np.nan)
         described = machine.description
     else:
         K0 = np.array([fit.interval("K0")[1]])
         ratio = np.array([fit.interval("stiction")[1] if np.isfinite(fit.stds["stiction"]) else np.nan])
         half_mass = HALF_WIDTH * fit.stds["mass"]
-        described = f"m = {fit.mass:.4g} +- {half_mass:.1g} {machine.units.mass}; {describe_spring(fit)}"
+        described = f"m = {fit.mass:.4g} +- {half_mass:.1g} {machine.units.mass}; {_describe_spring(fit)}"
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
         seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
@@ -130,7 +130,7 @@ def read_fit(fit: FrictionFit) -> MachineRead:
     )
 
 
-def describe_spring(fit: FrictionFit) -> str:
+def _describe_spring(fit: FrictionFit) -> str:
     """Describe the spring to ground that is assumed, the lower end of what was read."""
     units, low = mechanical_units(position_unit_of(fit.units[1])), fit.interval("stiffness")[0]
     if not fit.stds["stiffness"]:

@@ -62,28 +62,28 @@ from robust.friction.units import format_length
 
 #: (share of the time steps, shrinkage by noise) of fits that ought to give the same. What they differ by is in every
 #: interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
-ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
+_ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
 #: The same as `FORCE_ERROR` for two masses, as the force of the load is simulated. Six runs of the belt were off by up
 #: to 0.2 % of Fs and of the friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers, dampings of one
 #: run, were outside their intervals.
-LOAD_ERROR = 2e-3
+_LOAD_ERROR = 2e-3
 #: Share of the force or of Fs that may be left unexplained at a level, noise taken off. The preset of one mass leaves
 #: 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
-MOST_UNEXPLAINED = 0.02
+_MOST_UNEXPLAINED = 0.02
 #: Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may slip at the lowest
 #: level.
-MOST_LATE, MOST_EARLY = 0.1, 0.2
+_MOST_LATE, _MOST_EARLY = 0.1, 0.2
 #: Where the outer part of the swing begins. What sticks throughout the swing is a spring. No free axis has one; beside
 #: a spring to ground it is read as part of that. With a highest level of 0.6 times the break-away force k was 23, 25
 #: and 48 % of K0 too high on three random machines (benchmarks/read_machine.py): one element was not seen, the others
 #: broke away up to 0.32, 0.41 and 0.24 of the swing. Of 26 sets with one of 4 or 5.5 times 25 have less than 0.2.
-OUTER_OF_FREE, OUTER_WITH_SPRING = 0.75, 0.2
+_OUTER_OF_FREE, _OUTER_WITH_SPRING = 0.75, 0.2
 #: Standard deviations by which a lag has to be longer than the delay that contains it, to be a mode.
-DISTINCT = 3.0
+_DISTINCT = 3.0
 #: Share of Fs that may be at motor or load, by the half-width of its interval, before the two are taken for one.
-MOST_SPLIT = 0.1
+_MOST_SPLIT = 0.1
 #: Levels whose forces differ by less than this factor are one level.
-SAME_LEVEL = 1.3
+_SAME_LEVEL = 1.3
 
 
 class Gap(enum.Enum):
@@ -109,7 +109,7 @@ class Gap(enum.Enum):
 
 
 @value
-class OpenQuestion:
+class _OpenQuestion:
     """Something that the levels leave open, with the number that shows it and what to measure.
 
     Fields
@@ -125,7 +125,7 @@ class OpenQuestion:
 
     Examples
     --------
-    >>> question = OpenQuestion(kind=Gap.EQUAL_LEVELS, description="levels of 1, 1, 1 N rms count as 1")
+    >>> question = _OpenQuestion(kind=Gap.EQUAL_LEVELS, description="levels of 1, 1, 1 N rms count as 1")
     >>> print(question)
     levels of 1, 1, 1 N rms count as 1
     """
@@ -248,7 +248,7 @@ class FrictionFit(NumbersRead):
     element_strength: np.ndarray
     seen_from: float
     levels: tuple[LevelBalance, ...]
-    questions: tuple[OpenQuestion, ...]
+    questions: tuple[_OpenQuestion, ...]
     units: tuple[str, str] = ("N", "m")
     seen_to: float = np.inf
     load_mass: float = 0.0
@@ -281,12 +281,12 @@ class FrictionFit(NumbersRead):
 
 
 #: Highest line, over the antiresonance of the load, of those on which two masses look like one.
-RIGID = 1 / 3
+_RIGID = 1 / 3
 #: Lines that are enough for a spring and a damper.
-FEWEST_RIGID = 4
+_FEWEST_RIGID = 4
 
 
-def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
+def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
     """Return a level as a spring and a damper, measured and fitted; of two masses where they move as one."""
     chosen = level.excited
     left = residual_of(level, candidate)
@@ -296,8 +296,8 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
     if candidate.terms.load:
         load, coupling = (float(np.exp(candidate.numbers[name])) for name in LOAD[:2])
         fitted = fitted + load * level.omega**2 * level.Y
-        below = chosen & (level.omega < RIGID * np.sqrt(coupling / load))
-        rigid = below if below.sum() >= FEWEST_RIGID else chosen
+        below = chosen & (level.omega < _RIGID * np.sqrt(coupling / load))
+        rigid = below if below.sum() >= _FEWEST_RIGID else chosen
     columns = np.stack([level.Y, 1j * level.omega * level.Y], axis=-1)[:, rigid]
     table = as_real([columns / std[:, rigid, np.newaxis]])
     k, c = (
@@ -318,7 +318,7 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
 
 
 #: What to do where one mass, and where two masses do not explain the levels.
-ANOTHER_MACHINE = {
+_ANOTHER_MACHINE = {
     False: (
         "Measure to beyond the resonance and take masses=2, or give friction_class the BLAs and a nominal with the mode"
     ),
@@ -328,13 +328,13 @@ ANOTHER_MACHINE = {
     ),
 }
 #: What to do where one mass explains the level that sticks, and none that slips.
-ANOTHER_FRICTION = (
+_ANOTHER_FRICTION = (
     "It explains the lowest level, so that it is the friction that is another: it creeps before it slips (LuGre, "
     "Dahl), or slips at other forces"
 )
 
 
-def questions_of(
+def _questions_of(
     levels: list[Motion],
     candidate: Candidate,
     *,
@@ -344,7 +344,7 @@ def questions_of(
     mode: str | None,
     split: float,
     damping: tuple[float, float],
-) -> Iterator[OpenQuestion]:
+) -> Iterator[_OpenQuestion]:
     """Yield what the levels leave open.
 
     levels : the highest first.
@@ -357,56 +357,56 @@ def questions_of(
     k, D = candidate.all_elements
     Fs, K0 = float(k @ D), float(k.sum())
     two = candidate.terms.load
-    limits = [EXPLAINED_BY_TWO if two and one.force > Fs / 2 else MOST_UNEXPLAINED for one in balances]
+    limits = [EXPLAINED_BY_TWO if two and one.force > Fs / 2 else _MOST_UNEXPLAINED for one in balances]
     worst, limit = max(zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1])
     model = "motor and load" if two else "one mass"
     if worst.unexplained > limit:
         slips = not two and balances[-1].unexplained < limit
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
                 f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
                 f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
-                f"{ANOTHER_FRICTION if slips else ANOTHER_MACHINE[two]}"
+                f"{_ANOTHER_FRICTION if slips else _ANOTHER_MACHINE[two]}"
             ),
         )
     c, half = damping
     if c + half < 0:
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
                 f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
-                f"search ended in a wrong minimum, or another delay is taken for it. {ANOTHER_MACHINE[two]}"
+                f"search ended in a wrong minimum, or another delay is taken for it. {_ANOTHER_MACHINE[two]}"
             ),
         )
     delay, period = candidate.numbers["delay"], float(2 * np.pi / levels[0].omega.min())
     if abs(delay) > period:
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
                 f"{model} with Maxwell slip needs a delay of {delay:.3g} s, "
                 f"longer than the {period:.3g} s of the lowest line: the search ended in a wrong minimum. "
-                f"{ANOTHER_MACHINE[two]}"
+                f"{_ANOTHER_MACHINE[two]}"
             ),
         )
     if mode is not None:
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.FLEXIBLE,
             description=(
                 f"the machine is no rigid mass with Maxwell slip in the band: {mode}. What is read holds for "
-                f"no one mass, so that mass and friction are off by several per cent. {ANOTHER_MACHINE[two]}"
+                f"no one mass, so that mass and friction are off by several per cent. {_ANOTHER_MACHINE[two]}"
             ),
         )
     outer = levels[0].half_swing
-    begins = OUTER_WITH_SPRING if candidate.terms.spring else OUTER_OF_FREE
+    begins = _OUTER_WITH_SPRING if candidate.terms.spring else _OUTER_OF_FREE
     late = float((k * D)[begins * outer < D].sum()) / Fs
-    if late > MOST_LATE or stuck:
+    if late > _MOST_LATE or stuck:
         seen = (
             f"{stuck:.3g} {unit_of('F/L', units)} never slip"
             if stuck
             else f"{100 * late:.2g} % of Fs breaks away beyond {begins:.2g} of that"
         )
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.HIGHEST_LEVEL_STICKS,
             description=(
                 f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
@@ -415,8 +415,8 @@ def questions_of(
         )
     inner = float(np.std(levels[-1].x))
     early = float(k[inner > D].sum()) / K0
-    if early > MOST_EARLY:
-        yield OpenQuestion(
+    if early > _MOST_EARLY:
+        yield _OpenQuestion(
             kind=Gap.LOWEST_LEVEL_SLIPS,
             description=(
                 f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
@@ -424,18 +424,18 @@ def questions_of(
                 "force"
             ),
         )
-    distinct = count_distinct(levels)
+    distinct = _count_distinct(levels)
     if distinct < min(3, len(levels)):
         listed = ", ".join(f"{level.force:.3g}" for level in levels)
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.EQUAL_LEVELS,
             description=(
-                f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {SAME_LEVEL:g} "
+                f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {_SAME_LEVEL:g} "
                 "times in force and motion. Measure at three that differ: sticking, bending, sliding"
             ),
         )
-    if split > MOST_SPLIT * Fs:
-        yield OpenQuestion(
+    if split > _MOST_SPLIT * Fs:
+        yield _OpenQuestion(
             kind=Gap.SPLIT,
             description=(
                 f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may be at "
@@ -443,7 +443,7 @@ def questions_of(
             ),
         )
     if not candidate.terms.stiction:
-        yield OpenQuestion(
+        yield _OpenQuestion(
             kind=Gap.STICTION,
             description=(
                 f"no stiction above Coulomb friction is seen at speeds up to {np.abs(levels[0].v).max():.2g} "
@@ -452,19 +452,19 @@ def questions_of(
         )
 
 
-def count_distinct(levels: list[Motion]) -> int:
+def _count_distinct(levels: list[Motion]) -> int:
     """Return how many levels differ: where friction slides the motion grows, and the force hardly does."""
     rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
-    return 1 + sum(rise > SAME_LEVEL for rise in rises)
+    return 1 + sum(rise > _SAME_LEVEL for rise in rises)
 
 
 #: Shares of mass and friction that a load is tried to have; only their ratio matters.
-LOADS = ((1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
+_LOADS = ((1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
 #: Bins beyond this multiple of the highest line are left out where a load swings on the motor: noise.
-HARMONICS = 3
+_HARMONICS = 3
 
 
-def compliance_column(level: Motion, candidate: Candidate, mass_share: float, friction_share: float) -> np.ndarray:
+def _compliance_column(level: Motion, candidate: Candidate, mass_share: float, friction_share: float) -> np.ndarray:
     """Return (M, W) derivative of the force of one mass by the compliance 1/k of what carries a share of it as a load.
 
     The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k it is N0, that of one mass,
@@ -488,7 +488,7 @@ def compliance_column(level: Motion, candidate: Candidate, mass_share: float, fr
     for i, (x, v) in enumerate(zip(level.x, level.v, strict=True)):
         held = friction(x, v)
         reaction = np.fft.rfft(held) - mass * omega**2 * np.fft.rfft(x)
-        reaction[HARMONICS * level.lines[-1] :] = 0.0
+        reaction[_HARMONICS * level.lines[-1] :] = 0.0
         behind, behind_speed = np.fft.irfft(reaction, n), np.fft.irfft(1j * omega * reaction, n)
         step = STEP * x.std() / behind.std()
         slope = (friction(x - step * behind, v - step * behind_speed) - held) / step
@@ -496,7 +496,7 @@ def compliance_column(level: Motion, candidate: Candidate, mass_share: float, fr
     return found
 
 
-def sign_of_mode(
+def _sign_of_mode(
     levels: list[Motion], weights: list[np.ndarray], *, candidate: Candidate, stds: dict[str, float], unit: str
 ) -> str | None:
     """Return what shows that the machine is not one rigid mass; None where nothing does.
@@ -509,15 +509,15 @@ def sign_of_mode(
     if candidate.terms.softening:
         return f"a term w^4 of {candidate.numbers['softening']:.2g} {unit} is worth it"
     delay, lag = candidate.numbers["delay"], float(np.sqrt(max(0.0, candidate.numbers.get("lag_squared", 0.0))))
-    if lag > delay + DISTINCT * np.hypot(stds["lag"], stds["delay"]):
+    if lag > delay + _DISTINCT * np.hypot(stds["lag"], stds["delay"]):
         return (
             f"the force lags as by {1e3 * lag:.3g} +- {1e3 * stds['lag']:.1g} ms, more than its whole delay of "
             f"{1e3 * delay:.3g} ms, as in front of a mode above the band"
         )
     Q, left = tangent_of(levels, weights, candidate)
     tried = []
-    for shares in LOADS:
-        columns = [compliance_column(one, candidate, *shares) for one in levels]
+    for shares in _LOADS:
+        columns = [_compliance_column(one, candidate, *shares) for one in levels]
         tried.append(gain_of(as_real([c / std for c, std in zip(columns, weights, strict=True)]), Q, left))
     worth = max((worth for worth, amount in tried if amount > 0), default=0.0)
     if worth > WORTH:
@@ -526,7 +526,7 @@ def sign_of_mode(
     return None
 
 
-def stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
+def _stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
     """Stiffness [N/m] of a free axis that no element explains; zero where chance is worth as much."""
     Q, left = tangent_of(levels, stds, candidate)
     worth, amount = gain_of(as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left)
@@ -583,10 +583,10 @@ def identify_friction(
     """
     if masses not in (1, 2):
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
-    records = list_levels(records)
+    records = _list_levels(records)
     two = masses == 2
     machine = None if sliding is None or not two else linear_load(sliding)
-    # of two masses the errors of the time steps are in `LOAD_ERROR`
+    # of two masses the errors of the time steps are in `_LOAD_ERROR`
     first, finest = (1, COARSE) if two else (COARSE, FINE)
 
     def motions(steps: float, shrinkage: float = SHRINKAGE) -> list[Motion]:
@@ -613,7 +613,7 @@ def identify_friction(
     candidate = search(coarse, starts[:1] if known else starts, span, KNOWN_IN_MOTION if known else ())
     fine = motions(finest)
     # of two masses nothing but a fit that explains the levels is worth finer steps
-    refuted = largest_share(coarse, candidate) > (MOST_UNEXPLAINED if two else REFUTED)
+    refuted = largest_share(coarse, candidate) > (_MOST_UNEXPLAINED if two else REFUTED)
     if not (two or refuted):  # of two masses each start takes seconds
         candidate = escape(motions(MEDIUM), candidate, span)
     if not refuted:
@@ -624,25 +624,25 @@ def identify_friction(
         numbers = derived_numbers(pack(candidate), candidate)
         spread = dict.fromkeys(numbers, np.inf)
     else:
-        others = [motions(share * finest, shrinkage) for share, shrinkage in ALTERNATIVES]
-        numbers, spread = numbers_with_spread(fine, others, stds=stds, candidate=candidate, span=span)
-    balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
+        others = [motions(share * finest, shrinkage) for share, shrinkage in _ALTERNATIVES]
+        numbers, spread = _numbers_with_spread(fine, others, stds=stds, candidate=candidate, span=span)
+    balances = [_balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
-    stuck = stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
+    stuck = _stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
     mode = None
-    if not two and max(one.unexplained for one in balances) < MOST_UNEXPLAINED:  # of what is left of more anything is
-        mode = sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
+    if not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED:  # of what is left of more anything is
+        mode = _sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
     questions = list(
-        questions_of(
+        _questions_of(
             fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split, damping=damping
         )
     )
     return FrictionFit(
         **numbers,
         vs=candidate.vs,
-        stds=leave_open(spread, questions, stuck),
+        stds=_leave_open(spread, questions, stuck),
         element_stiffness=candidate.stiffness,
         element_strength=candidate.stiffness * candidate.breakaway,
         seen_from=span[0],
@@ -654,7 +654,7 @@ def identify_friction(
     )
 
 
-def list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
+def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     """Return the records of at least three levels of one axis, the highest force first; refuse what is none."""
     levels = list(records) if isinstance(records, Iterable) else records
     if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
@@ -665,7 +665,7 @@ def list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
 
 
 #: Numbers that a question leaves open. Of what is not one mass the intervals hold for none.
-LEFT_OPEN = {
+_LEFT_OPEN = {
     Gap.OTHER_MACHINE: tuple(REPORTED),
     Gap.FLEXIBLE: tuple(REPORTED),
     Gap.HIGHEST_LEVEL_STICKS: ("Fs", "coulomb", "stiction"),
@@ -675,20 +675,22 @@ LEFT_OPEN = {
 }
 
 
-def leave_open(spread: dict[str, float], questions: list[OpenQuestion], stuck: float) -> dict[str, float]:
+def _leave_open(spread: dict[str, float], questions: list[_OpenQuestion], stuck: float) -> dict[str, float]:
     """Return the standard deviations, infinite of what the questions leave open.
 
     A stiffness that never slips, of a free axis, is friction, and more than K0 of its elements. What is assumed, such
     as no spring, has no deviation and is not left open.
     """
-    names = {name for question in questions for name in LEFT_OPEN.get(question.kind, ())} | ({"K0"} if stuck else set())
+    names = {name for question in questions for name in _LEFT_OPEN.get(question.kind, ())} | (
+        {"K0"} if stuck else set()
+    )
     return spread | {name: np.inf for name in names if spread.get(name)}
 
 
 #: Share of the force of a level that a step of the encoder may make on a line: the motion around the antiresonance of
 #: a load is small. It repeats where the motion does, so that no scatter over the periods shows it. With all lines the
 #: true machine left 2 to 29 % of the force at the levels of two axes; without these the fit of one left 0.0 to 0.6 %.
-MOST_OF_LINE = 0.02
+_MOST_OF_LINE = 0.02
 
 
 def without_noisy_lines(level: Motion, record: nlfrf.Record, sliding: NumbersRead) -> Motion:
@@ -696,12 +698,12 @@ def without_noisy_lines(level: Motion, record: nlfrf.Record, sliding: NumbersRea
     step = smallest_step(record.y) / np.sqrt(3 * record.u.shape[-1])  # of a peak amplitude, standard deviation
     noise = np.abs(force_of_motion(sliding, level.omega, 0.0)) * step
     least = np.sort(noise)[min(FEWEST_LINES, noise.size) - 1]
-    kept = noise <= max(least, MOST_OF_LINE * float(np.sqrt((np.abs(level.U) ** 2).mean())))
+    kept = noise <= max(least, _MOST_OF_LINE * float(np.sqrt((np.abs(level.U) ** 2).mean())))
     names = ("omega", "U", "Y", "noise", "excited", "lines")
     return replace(level, **{name: getattr(level, name)[..., kept] for name in names})
 
 
-def numbers_with_spread(
+def _numbers_with_spread(
     fine: list[Motion],
     alternatives: list[list[Motion]],
     *,
@@ -721,7 +723,7 @@ def numbers_with_spread(
         levels = [replace(one, centred=level.centred) for one, level in zip(alternative, fine, strict=True)]
         other = refine(levels, stds, candidate=candidate, span=span)
         others.append(derived_numbers(pack(other), other))
-    error = LOAD_ERROR if terms.load else FORCE_ERROR
+    error = _LOAD_ERROR if terms.load else FORCE_ERROR
     top, speed = float(fine[0].omega[-1]), max(float(np.std(level.v)) for level in fine)
     floors = {
         "mass": numbers["mass"] * float(np.hypot(error, mode_error(fine[0], numbers))),

@@ -35,7 +35,7 @@ from robust.friction.reading.levels import require_si, weighted_mean
 from robust.friction.reading.load import fit_sliding_level
 
 #: What is read of a load, besides what moves together with it.
-COUPLED = ("load_mass", "coupling", "coupling_damping")
+_COUPLED = ("load_mass", "coupling", "coupling_damping")
 
 
 @value
@@ -155,10 +155,10 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
             "rises. Turn the sign of the sensor"
         )
     slopes = np.array([[one[i]["damping"] for one in fits] for i in (0, 1)])
-    found, spread, misfit = fit_forces(speeds, mean_forces(records), slopes)
+    found, spread, misfit = _fit_forces(speeds, _mean_forces(records), slopes)
     both = found.size == 3
     delay, delay_std = joined("delay")
-    coupled = {name: joined(name) for name in COUPLED} if masses == 2 else {}
+    coupled = {name: joined(name) for name in _COUPLED} if masses == 2 else {}
     if coupled and not 0 < coupled["load_mass"][0] < mass:
         raise ValueError(
             f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g} of {mass:.3g} kg. "
@@ -185,7 +185,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     )
 
 
-def mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
+def _mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
     """Return (2, R) mean force of each record and its standard deviation [N]."""
     means = [np.asarray(record.u).mean(axis=-1).ravel() for record in records]
     forces = np.array([one.mean() for one in means])
@@ -193,7 +193,7 @@ def mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
     return np.stack([forces, np.hypot(scatter, MODEL_ERROR * np.abs(forces))])
 
 
-def fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return viscous and Coulomb friction and, of both directions, a force that does not turn; deviations; misfit.
 
     forces, slopes : (2, R) mean force and slope of the friction at each speed, and their standard deviations.

@@ -10,7 +10,7 @@ from robust.friction.units import position_unit_of
 
 FEWEST_LINES = 8
 #: Units of length, angle, force and torque that carry a prefix; a unit that is not known is left to the user.
-SCALED_UNITS = {
+_SCALED_UNITS = {
     *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
     *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),
 }
@@ -19,7 +19,7 @@ SCALED_UNITS = {
 def require_si(name: str, unit: str) -> None:
     """Refuse an FRF whose unit is known to be a multiple of m/N: mass and stiffness would be off by that factor."""
     parts = {part.strip("() ") for part in unit.split("/")}
-    if wrong := sorted(parts & SCALED_UNITS):
+    if wrong := sorted(parts & _SCALED_UNITS):
         raise ValueError(
             f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are read in kg and N/m, "
             f"and {' and '.join(wrong)} would be taken without the prefix. Scale the channel before identify"

@@ -28,21 +28,21 @@ from robust.friction.reading.balance import (
 
 #: What is tried: antiresonances in the band, relative dampings and delays (of half a radian at the highest line), and
 #: Coulomb elements from a share of the swing to half of it. All are starts: Gauss-Newton steps follow.
-N_MODES, DAMPINGS, N_DELAYS, COULOMB = 30, (0.02, 0.08), 8, (1 / 30, 1 / 2, 4)
+_N_MODES, _DAMPINGS, _N_DELAYS, _COULOMB = 30, (0.02, 0.08), 8, (1 / 30, 1 / 2, 4)
 #: Stiffnesses of the friction of the load that are tried, over that of the coupling.
-STIFFNESSES = np.geomspace(1e-3, 10, 60)
+_STIFFNESSES = np.geomspace(1e-3, 10, 60)
 #: Strengths that are tried on either mass, from twice the lowest force to the highest; how many pairs of them go on.
-N_STRENGTHS, N_PAIRS = 6, 4
+_N_STRENGTHS, _N_PAIRS = 6, 4
 #: Break-away displacements of the elements of a start, relative; all are of equal strength.
-SPREAD = np.array([0.4, 1.0, 2.5])
+_SPREAD = np.array([0.4, 1.0, 2.5])
 #: Excess of the stiction at either mass, and velocity of Stribeck over the rms of the highest level, of a start. From
 #: too little stiction at the motor the joint preset ended with Fs 16 % low, and from a velocity of 0.1 in a minimum
 #: with three times that of the axis. So the start with the largest stiction is tried at a lower velocity too, third.
-EXCESSES, VELOCITIES, LOW_VELOCITY = (0.05, 0.35), (0.1, 0.5), 0.02
+_EXCESSES, _VELOCITIES, _LOW_VELOCITY = (0.05, 0.35), (0.1, 0.5), 0.02
 
 
 @value
-class LinearLoad:
+class _LinearLoad:
     """Motor, load and coupling where friction slides, a delay, and the viscous friction of both."""
 
     motor: float
@@ -76,9 +76,9 @@ class LinearLoad:
         return np.asarray(link * inertia / (link + inertia))
 
 
-def linear_load(sliding: NumbersRead) -> LinearLoad:
+def linear_load(sliding: NumbersRead) -> _LinearLoad:
     """Return motor and load as they were read in motion."""
-    return LinearLoad(
+    return _LinearLoad(
         motor=sliding.mass - sliding.load_mass,
         load=sliding.load_mass,
         coupling=sliding.coupling,
@@ -89,14 +89,14 @@ def linear_load(sliding: NumbersRead) -> LinearLoad:
     )
 
 
-def start_with_load(levels: list[Motion], *, spring: bool, machine: LinearLoad | None = None) -> list[Candidate]:
+def start_with_load(levels: list[Motion], *, spring: bool, machine: _LinearLoad | None = None) -> list[Candidate]:
     """Candidates of two masses to begin with, the likeliest first; levels the highest first.
 
     machine : as it was read in motion; fitted to the highest level where it was not.
     """
     if machine is None:
-        machine = fit_sliding_level(levels[0], levels[0].half_swing * np.geomspace(*COULOMB), spring=spring)
-    stiffness = fit_sticking_level(levels[-1], machine)
+        machine = fit_sliding_level(levels[0], levels[0].half_swing * np.geomspace(*_COULOMB), spring=spring)
+    stiffness = _fit_sticking_level(levels[-1], machine)
     scales = [float(np.sqrt((np.abs(level.U) ** 2).mean())) for level in levels]
     fastest = float(np.std(levels[0].v))
 
@@ -105,24 +105,26 @@ def start_with_load(levels: list[Motion], *, spring: bool, machine: LinearLoad |
         return sum(float((np.abs(part) ** 2).mean()) for part in parts)
 
     def tried(pair: tuple[float, float], excess: tuple[float, float], velocity: float) -> tuple[float, Candidate]:
-        candidate = candidate_of(machine, stiffness, strength=pair, excess=excess, vs=velocity * fastest, spring=spring)
+        candidate = _candidate_of(
+            machine, stiffness, strength=pair, excess=excess, vs=velocity * fastest, spring=spring
+        )
         return offset(candidate), candidate
 
-    strengths = np.geomspace(2 * levels[-1].force, levels[0].force, N_STRENGTHS).tolist()
-    middle = float(np.sqrt(np.prod(EXCESSES)))
-    pairs = sorted(product(strengths, strengths), key=lambda pair: tried(pair, (middle, middle), VELOCITIES[-1])[0])[
-        :N_PAIRS
+    strengths = np.geomspace(2 * levels[-1].force, levels[0].force, _N_STRENGTHS).tolist()
+    middle = float(np.sqrt(np.prod(_EXCESSES)))
+    pairs = sorted(product(strengths, strengths), key=lambda pair: tried(pair, (middle, middle), _VELOCITIES[-1])[0])[
+        :_N_PAIRS
     ]
     found = [
-        min((tried(pair, excess, velocity) for pair in pairs for velocity in VELOCITIES), key=lambda one: one[0])
-        for excess in product(EXCESSES, EXCESSES)
+        min((tried(pair, excess, velocity) for pair in pairs for velocity in _VELOCITIES), key=lambda one: one[0])
+        for excess in product(_EXCESSES, _EXCESSES)
     ]
-    slow = min((tried(pair, (EXCESSES[1], EXCESSES[1]), LOW_VELOCITY) for pair in pairs), key=lambda one: one[0])
+    slow = min((tried(pair, (_EXCESSES[1], _EXCESSES[1]), _LOW_VELOCITY) for pair in pairs), key=lambda one: one[0])
     first = [candidate for _, candidate in sorted(found, key=lambda one: one[0])]
     return [*first[:2], slow[1], *first[2:]]
 
 
-def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> LinearLoad:
+def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> _LinearLoad:
     """Fit motor, load and coupling to a level that slides, by non-negative least squares on a grid of modes.
 
     The friction of the load acts on the motor through the response H of the load to the motion of the motor.
@@ -136,8 +138,8 @@ def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> 
     grid = 2 * np.pi * level.fs / n * np.arange(n // 2 + 1)
     X = np.fft.rfft(level.x)
     signed = linear_columns(level, Terms(spring=spring))[1:]
-    best: tuple[float, LinearLoad] | None = None
-    for mode, damping in product(np.geomspace(min(3 * omega[0], omega[-1]), omega[-1], N_MODES), DAMPINGS):
+    best: tuple[float, _LinearLoad] | None = None
+    for mode, damping in product(np.geomspace(min(3 * omega[0], omega[-1]), omega[-1], _N_MODES), _DAMPINGS):
 
         def response(w: np.ndarray, mode: float = mode, damping: float = damping) -> np.ndarray:
             link = mode**2 + 2j * damping * mode * w
@@ -151,7 +153,7 @@ def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> 
         table = as_real([np.stack([*columns, *at_motor, *at_load], axis=-1) / scale])
         size = np.linalg.norm(table, axis=0)
         Q, R = np.linalg.qr(table / size)
-        for delay in np.arange(N_DELAYS) / 2 / omega[-1]:
+        for delay in np.arange(_N_DELAYS) / 2 / omega[-1]:
             target = as_real([actuated_force(level, {"delay": delay}) / scale])
             inside = Q.T @ target
             found, left = nnls(R, inside)
@@ -161,7 +163,7 @@ def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> 
                 motor, load = (max(values[i], 1e-3 * values[:2].sum()) for i in (0, 1))
                 best = (
                     off,
-                    LinearLoad(
+                    _LinearLoad(
                         motor=motor,
                         load=load,
                         coupling=load * mode**2,
@@ -175,14 +177,14 @@ def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> 
     return best[1]
 
 
-def fit_sticking_level(level: Motion, machine: LinearLoad) -> tuple[float, float]:
+def _fit_sticking_level(level: Motion, machine: _LinearLoad) -> tuple[float, float]:
     """Stiffness of the friction at motor and load [N/m], from a level that sticks."""
     omega, Y = level.omega, level.Y
     seen = level.noise.mean(axis=0) < 0.1 * (np.abs(Y) ** 2).mean(axis=0)
     seen = seen if seen.any() else np.ones(omega.size, dtype=bool)
     force = actuated_force(level, {"delay": machine.delay}) + (machine.motor * omega**2 - machine.spring) * Y
     best: tuple[float, float, float] | None = None
-    for at_load in STIFFNESSES * machine.coupling:
+    for at_load in _STIFFNESSES * machine.coupling:
         left = force - machine.reaction(omega, at_load) * Y
         fitted = float((Y.conj() * left)[:, seen].real.sum() / (np.abs(Y[:, seen]) ** 2).sum())
         at_motor = max(fitted, 1e-3 * machine.coupling)
@@ -193,8 +195,8 @@ def fit_sticking_level(level: Motion, machine: LinearLoad) -> tuple[float, float
     return best[1:]
 
 
-def candidate_of(
-    machine: LinearLoad,
+def _candidate_of(
+    machine: _LinearLoad,
     stiffness: tuple[float, float],
     *,
     strength: tuple[float, float],
@@ -212,8 +214,8 @@ def candidate_of(
     }
     elements = []
     for k, force in zip(stiffness, strength, strict=True):
-        breakaway = SPREAD * force * (1 / SPREAD).mean() / k
-        elements += [force / SPREAD.size / breakaway, breakaway]
+        breakaway = _SPREAD * force * (1 / _SPREAD).mean() / k
+        elements += [force / _SPREAD.size / breakaway, breakaway]
     return Candidate(
         terms=Terms(spring=spring, lag=True, stiction=True, load=True),
         numbers=numbers,

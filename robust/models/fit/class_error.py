@@ -20,11 +20,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-OCTAVE = 2.0
-MAX_WINDOWS = 200  # of medians; between them m is interpolated
-N_SIZES = 80  # of epsilon on the first grid of a search, over all sizes that could matter
-N_BALANCE = 8  # rounds that balance rows and columns; each divides what is left by ten or more
-LEAST_ENTRY = 1e-30  # of the largest entry: what a zero counts as
+_OCTAVE = 2.0
+_MAX_WINDOWS = 200  # of medians; between them m is interpolated
+_N_SIZES = 80  # of epsilon on the first grid of a search, over all sizes that could matter
+_N_BALANCE = 8  # rounds that balance rows and columns; each divides what is left by ten or more
+_LEAST_ENTRY = 1e-30  # of the largest entry: what a zero counts as
 
 
 def target_loop(omega: np.ndarray, omega_c: float, shape: np.ndarray | float = 1.0) -> np.ndarray:
@@ -48,8 +48,8 @@ def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarr
     """
     order = np.argsort(omega, kind="stable")
     x, size = omega[order], np.abs(G)[..., order]
-    first, last = np.searchsorted(x, x / np.sqrt(OCTAVE), "left"), np.searchsorted(x, x * np.sqrt(OCTAVE), "right")
-    picked = np.unique(np.linspace(0, x.size - 1, min(x.size, MAX_WINDOWS)).astype(int))
+    first, last = np.searchsorted(x, x / np.sqrt(_OCTAVE), "left"), np.searchsorted(x, x * np.sqrt(_OCTAVE), "right")
+    picked = np.unique(np.linspace(0, x.size - 1, min(x.size, _MAX_WINDOWS)).astype(int))
     medians = np.stack([np.median(size[..., first[k] : last[k]], axis=-1) for k in picked], axis=-1)
     log = np.log(np.maximum(medians, np.finfo(float).tiny)).reshape(-1, picked.size)
     smooth = np.array([np.interp(np.log(x), np.log(x[picked]), row) for row in log]).reshape(size.shape)
@@ -74,9 +74,9 @@ def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray)
         np.log(1e-3 * np.min(np.sqrt(var) / tolerance)),
         np.log(10 * np.max(np.sqrt(square + var) / tolerance)),
     )
-    sizes = np.linspace(least, most, N_SIZES)
+    sizes = np.linspace(least, most, _N_SIZES)
     k = int(np.argmin([unlikely(size) for size in sizes]))
-    around = sizes[max(k - 1, 0)], sizes[min(k + 1, N_SIZES - 1)]
+    around = sizes[max(k - 1, 0)], sizes[min(k + 1, _N_SIZES - 1)]
     found = minimize_scalar(unlikely, bounds=around, method="bounded", options={"xatol": 1e-6})
     return float(np.exp(found.x)), float(found.fun)
 
@@ -86,12 +86,12 @@ def balance(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     size : (..., n, m), not negative. The product does not depend on the units of inputs and outputs.
     """
-    log = np.log(np.maximum(size, LEAST_ENTRY * np.max(size, axis=(-2, -1), keepdims=True)))
+    log = np.log(np.maximum(size, _LEAST_ENTRY * np.max(size, axis=(-2, -1), keepdims=True)))
     by_row = np.mean(log, axis=-1, keepdims=True)
     by_column = np.mean(log - by_row, axis=-2, keepdims=True)
     square = np.exp(2 * (log - by_row - by_column))  # in units of its own
     columns = np.ones((*size.shape[:-2], 1, size.shape[-1]))
-    for _ in range(N_BALANCE):
+    for _ in range(_N_BALANCE):
         rows = np.mean(square / columns, axis=-1, keepdims=True)
         columns = np.mean(square / rows, axis=-2, keepdims=True)
     return (np.exp(by_row) * np.sqrt(rows))[..., 0], (np.exp(by_column) * np.sqrt(columns))[..., 0, :]

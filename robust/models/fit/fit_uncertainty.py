@@ -14,8 +14,8 @@ from nlfrf._base.values import value
 from robust.models.fit.rational import partial_fractions, stack_real_imaginary
 
 #: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
-HUGE = 1e150
-MAX_STATIC_STD = 0.5  # relative standard deviation of the static gain from which no number is printed for it
+_HUGE = 1e150
+_MAX_STATIC_STD = 0.5  # relative standard deviation of the static gain from which no number is printed for it
 
 
 @value(copy=False)
@@ -113,10 +113,10 @@ def estimate_uncertainty(
     if free_delay:
         columns.append(-1j * omega)
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
-    size = np.maximum(np.linalg.norm(J, axis=0), 1 / HUGE)  # the slope by a root far away is as good as none
+    size = np.maximum(np.linalg.norm(J, axis=0), 1 / _HUGE)  # the slope by a root far away is as good as none
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
-    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / HUGE))  # what the data do not tell at all has a huge standard deviation
-    half = np.clip(right.T / sv / size[:, None], -HUGE, HUGE)
+    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / _HUGE))  # what the data do not tell at all has a huge standard deviation
+    half = np.clip(right.T / sv / size[:, None], -_HUGE, _HUGE)
     cov = c / 2 * half @ half.T
     n_z, at_zero = zeros.size, np.zeros(1, complex)
     with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero
@@ -124,18 +124,18 @@ def estimate_uncertainty(
         static_gain = float((gain * np.prod(-zeros) / np.prod(-poles)).real)
         std_static_gain = float(np.linalg.norm(static.real @ half[: static.size]) * np.sqrt(c / 2))
     return FitUncertainty(
-        poles=roots_in_model_plane(poles, dt),
-        zeros=roots_in_model_plane(zeros, dt),
-        cov_poles=root_covariances(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
-        cov_zeros=root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
+        poles=_roots_in_model_plane(poles, dt),
+        zeros=_roots_in_model_plane(zeros, dt),
+        cov_poles=_root_covariances(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
+        cov_zeros=_root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
         static_gain=static_gain,
         std_static_gain=std_static_gain if np.isfinite(std_static_gain) else float("inf"),
         std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
-        separation=separations(zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]),
+        separation=_separations(zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]),
     )
 
 
-def separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
+def _separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
     """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that distance.
 
     cov : of the real and imaginary parts of zeros, then poles, conjugates once (as `partial_fractions` orders them).
@@ -143,14 +143,14 @@ def separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.nda
     if not zeros.size:
         return np.full(poles.size, np.inf)
     near = np.argmin(np.abs(poles[:, None] - zeros), axis=1)
-    difference = np.concatenate([-root_parts(zeros)[near], root_parts(poles)], axis=2)
+    difference = np.concatenate([-_root_parts(zeros)[near], _root_parts(poles)], axis=2)
     variance = np.einsum("nij,jk,nik->n", difference, cov, difference)
     distance = np.abs(poles - zeros[near])
     over_std = distance / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     return np.where(distance < np.abs(poles) / 2, over_std, np.inf)
 
 
-def root_parts(roots: np.ndarray) -> np.ndarray:
+def _root_parts(roots: np.ndarray) -> np.ndarray:
     """Return (n, 2, n) real and imaginary part of each root by those of real roots and pairs, conjugates once."""
     rows = np.zeros((roots.size, 2, roots.size))
     for i, root in enumerate(roots):
@@ -163,9 +163,9 @@ def root_parts(roots: np.ndarray) -> np.ndarray:
     return rows
 
 
-def root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
+def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
     """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
-    rows = root_parts(roots)
+    rows = _root_parts(roots)
     out = rows @ cov @ rows.transpose(0, 2, 1)
     if dt:
         slope = dt / (1 - roots * dt / 2) ** 2  # of z = (1 + s dt/2)/(1 - s dt/2)
@@ -175,7 +175,7 @@ def root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarra
     return out
 
 
-def roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
+def _roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
     """Return roots in the plane of the model, in the same order."""
     return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
 
@@ -226,7 +226,7 @@ def format_roots(known: FitUncertainty | None, discrete: bool, unit: str) -> str
             if r.imag >= 0
         ]
         text += f"\n  {name}{unit_of_roots}: {', '.join(each)}" if each else ""
-    if known.std_static_gain < MAX_STATIC_STD:
+    if known.std_static_gain < _MAX_STATIC_STD:
         static = f"{known.static_gain:.4g} {unit}".strip() + f" (relative std {known.std_static_gain:.2g})"
     else:
         static = "not determined by the lines"

@@ -63,13 +63,13 @@ Given = TypeVar("Given")
 
 # ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
 
-MAX_POLES = 40
-MAX_DELAY_TRIALS, N_ROUNDS = 41, 12
-DELAY_TOLERANCE = 1e-7  # of a turn at the highest line: a delay that moves less stands
+_MAX_POLES = 40
+_MAX_DELAY_TRIALS, _N_ROUNDS = 41, 12
+_DELAY_TOLERANCE = 1e-7  # of a turn at the highest line: a delay that moves less stands
 
 
 @value(copy=False)
-class MatrixFitProblem:
+class _MatrixFitProblem:
     """Hold the data, the metric and the options of the fit of a matrix.
 
     Fields
@@ -107,13 +107,13 @@ class MatrixFitProblem:
         """Return (F, n_y, n_u) what a model behind delays misses."""
         return self.G - model.response(self.points) * np.exp(-1j * self.omega[:, None] * tau)[:, None]
 
-    def with_class_error(self, model: SharedPoles, tau: np.ndarray) -> tuple[MatrixFitProblem, float]:
+    def with_class_error(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, float]:
         """Return the problem at the likeliest size of the error of the class, and the negative log likelihood there."""
         square = np.abs(self.metric.left @ self.error(model, tau) @ self.metric.right) ** 2
         epsilon, unlikely = most_likely_size(square, np.ones(square.shape), self.metric.tolerance)
         return replace(self, metric=replace(self.metric, epsilon=epsilon)), unlikely
 
-    def settle(self, model: SharedPoles, tau: np.ndarray) -> tuple[MatrixFitProblem, SharedPoles, float]:
+    def settle(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, SharedPoles, float]:
         """Return the likeliest model near a start and the size of the error of the class, in turn, with their value."""
         last = np.inf
         for _ in range(MAX_ROUNDS):
@@ -164,7 +164,7 @@ def require_same_channels(frm: Bla, known: object, of: str) -> None:
             )
 
 
-def fit_matrix(
+def _fit_matrix(
     frms: list[Bla],
     n_poles: int,
     *,
@@ -179,17 +179,17 @@ def fit_matrix(
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
-    tau = np.zeros(frm.n_inputs) if isinstance(delay, str) else checked_delays(delay, frm.n_inputs, dt)
+    tau = np.zeros(frm.n_inputs) if isinstance(delay, str) else _checked_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
         raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
-    require_fittable(n_poles, omega, dt)
+    _require_fittable(n_poles, omega, dt)
     if n_zeros not in (None, n_poles):
         raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}")
     measured = np.concatenate([one.G for one in frms], axis=2)
     dof = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     var = np.concatenate([one.entries(one.cov.bound) for one in frms], axis=2)
-    crossover = checked_crossover(omega_c, omega, measured, var=var, dof=dof, dt=dt)
-    sought = MatrixFitProblem(
+    crossover = _checked_crossover(omega_c, omega, measured, var=var, dof=dof, dt=dt)
+    sought = _MatrixFitProblem(
         # j omega, or its bilinear image: both kinds of model are fitted in the s plane
         points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
         omega=omega,
@@ -197,7 +197,7 @@ def fit_matrix(
         metric=error_metric(frms, crossover),
         options={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
     )
-    model, tau = estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
+    model, tau = _estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
     if 2 * measured.size < n_parameters:
         raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
@@ -210,7 +210,7 @@ def fit_matrix(
     )
     unlikelihood = cost * measured.size / expected
     if p_value < UNLIKELY_COST:
-        sought, model, tau, unlikelihood = fit_with_class_error(sought, model, tau, free=estimated and not dt)
+        sought, model, tau, unlikelihood = _fit_with_class_error(sought, model, tau, free=estimated and not dt)
     residual = np.moveaxis(sought.error(model, tau), 0, 2)
     whitened = replace(sought.metric, epsilon=0.0).whiten(sought.error(model, tau))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)
@@ -235,9 +235,9 @@ def fit_matrix(
     )
 
 
-def fit_with_class_error(
-    sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray, *, free: bool
-) -> tuple[MatrixFitProblem, SharedPoles, np.ndarray, float]:
+def _fit_with_class_error(
+    sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray, *, free: bool
+) -> tuple[_MatrixFitProblem, SharedPoles, np.ndarray, float]:
     """Return the likeliest fit of a class that misses something: from the fit to scatter alone, and from scratch.
 
     free : whether the delays are estimated; they are then estimated again where errors of the class count.
@@ -246,13 +246,13 @@ def fit_with_class_error(
     for epsilon in START_SIZES:
         weighted, delays = replace(sought, metric=replace(sought.metric, epsilon=epsilon)), begun[-1][1]
         once = free and len(begun) == 1
-        begun.append(estimate_input_delays(weighted, 0.0) if once else (weighted.fit_behind_delays(delays)[0], delays))
+        begun.append(_estimate_input_delays(weighted, 0.0) if once else (weighted.fit_behind_delays(delays)[0], delays))
     settled = [(*sought.settle(*start), start[1]) for start in begun]
     weighted, model, unlikelihood, tau = min(settled, key=lambda found: found[2])
     return weighted, model, tau, unlikelihood
 
 
-def checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
+def _checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
     """Return (n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
     if np.ndim(delay) == 0:
         tau = np.full(n_inputs, require_nonnegative("delay", delay))
@@ -263,17 +263,17 @@ def checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.nd
     return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
 
 
-def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
+def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
     """Return the model and the delays (n_u,) [s] of its inputs, none negative, that explain the phases best.
 
     Each input's column is scanned by itself, then all are refined with the model: a Gauss-Newton step of delays and
     model together moves the delays, the model follows. In discrete time the samples on both sides are tried in turn.
     """
     omega, n_u = sought.omega, sought.G.shape[2]
-    tau = np.array([scan_input_delay(sought, i) for i in range(n_u)])
+    tau = np.array([_scan_input_delay(sought, i) for i in range(n_u)])
     model, cost = sought.fit_behind_delays(tau)
-    for _ in range(N_ROUNDS):
-        step = delay_step(sought, model, tau)
+    for _ in range(_N_ROUNDS):
+        step = _delay_step(sought, model, tau)
         for _ in range(6):
             moved = np.maximum(tau + step, 0.0)
             there, lower = sought.fit_behind_delays(moved, model)
@@ -282,7 +282,7 @@ def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPo
             step = step / 4
         if not lower < cost:
             break
-        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * DELAY_TOLERANCE
+        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * _DELAY_TOLERANCE
         model, cost, tau = there, lower, moved
         if done:
             break
@@ -300,7 +300,7 @@ def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPo
     return model, samples * dt
 
 
-def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
+def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
     """Scan the delay [s] of one input by rough fits of its column, up to twice its mean group delay.
 
     Steps are an eighth of a turn at the highest frequency, or longer: MAX_DELAY_TRIALS are made at most.
@@ -313,7 +313,7 @@ def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
     left = np.eye(G.shape[1]) / sought.metric.entry_std()[:, :, i, None]
     column = ErrorMetric(left, np.ones((omega.size, 1, 1)), np.zeros(G.shape), np.zeros(G.shape))
     one = replace(sought, G=G, metric=column)
-    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MAX_DELAY_TRIALS)
+    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, _MAX_DELAY_TRIALS)
 
     def cost(tau: float) -> float:
         """Return what vector fitting alone leaves."""
@@ -324,7 +324,7 @@ def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
     return float(min(np.linspace(0.0, longest, n), key=cost))
 
 
-def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
+def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
     """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model together."""
     points, G, metric = sought.without_delays(tau)
     turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
@@ -341,26 +341,26 @@ def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) ->
 
 #: Cost over what scatter alone leaves, from which a fit to one record is suspicious. A fit that weighs the error of its
 #: class leaves more of it: 16 of two poles to the rig, where the least cost is below 10.
-COST_LIMIT = 20.0
+_COST_LIMIT = 20.0
 OUTSIDE_FACTOR = 1.5  # how far outside the band a pole lies at least to be named
-HARMLESS_SHARE = (
+_HARMLESS_SHARE = (
     1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
 )
-INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
-EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
+_INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
+_EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
 
 
-def warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
+def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
     """Warn of a fit that misses what one record measured, or that has poles where nothing was measured."""
-    omega, var = lines.omega, np.maximum(lines.var, (HARMLESS_SHARE * np.abs(lines.G)) ** 2)
+    omega, var = lines.omega, np.maximum(lines.var, (_HARMLESS_SHARE * np.abs(lines.G)) ** 2)
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
-    if one_record and ratio > COST_LIMIT:
+    if one_record and ratio > _COST_LIMIT:
         data_warning(
             f"a nominal model of {fit.G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
             f"scatter alone would leave, and the misfit goes into the radius; {fit.describe_class_error()}",
             DesignWarning,
         )
-    far = poles_outside(fit.G, omega)
+    far = _poles_outside(fit.G, omega)
     if far.size:
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
         data_warning(
@@ -371,14 +371,14 @@ def warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
         )
 
 
-def poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def _poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Return the sizes [rad/s] of poles outside the band of the lines, once a pair; without integrators."""
     p = G.poles()
     with np.errstate(divide="ignore"):
         p = np.log(p.astype(complex)) / G.dt if G.dt else p
     size = np.sort(np.abs(p[p.imag >= 0]))
     low, high = omega.min(), omega.max()
-    return size[((size < low / OUTSIDE_FACTOR) & (size > INTEGRATOR_RATIO * low)) | (size > high * OUTSIDE_FACTOR)]
+    return size[((size < low / OUTSIDE_FACTOR) & (size > _INTEGRATOR_RATIO * low)) | (size > high * OUTSIDE_FACTOR)]
 
 
 def checked_weight(
@@ -389,7 +389,7 @@ def checked_weight(
     order : that was asked for; None where it was chosen.
     """
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
-    if excess > EXCESSIVE_RATIO:
+    if excess > _EXCESSIVE_RATIO:
         data_warning(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
             "lines: the set is much larger than what was measured asks for. "
@@ -623,9 +623,9 @@ def fit_nominal(
     """
     dt = require_nonnegative("dt", dt)
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
-        bla, std = bla_with_deviation(bla, std), None
+        bla, std = _bla_with_deviation(bla, std), None
     if frms := matrices_given(bla):
-        return fit_matrix(
+        return _fit_matrix(
             [bla_behind_hold(b, dt) for b in frms],
             n_poles,
             n_zeros=n_zeros,
@@ -656,9 +656,9 @@ def likeliest_fit(
     elif n_zeros is None or fewer is not None:
         highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
         tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
-    fit = min((nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
+    fit = min((_nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
-    warn_of_fit(fit, search.lines, one_record=one_record)
+    _warn_of_fit(fit, search.lines, one_record=one_record)
     return fit
 
 
@@ -672,7 +672,7 @@ def start_search(
     omega_c: float | None,
 ) -> FitSearch:
     """Return the search for fits of one input and one output, of any order."""
-    lines = measured_lines(bla, std, dt, omega_c)
+    lines = _measured_lines(bla, std, dt, omega_c)
     if isinstance(delay, str) and delay != "estimate":
         raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
     known = None if isinstance(delay, str) else require_nonnegative("delay", delay)
@@ -681,7 +681,7 @@ def start_search(
     return FitSearch(lines=lines, dt=dt, stable=stable, delay=known)
 
 
-def nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> NominalFit:
+def _nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> NominalFit:
     """Return a fit that a search found, with what is known of it."""
     lines, dt, n_parameters = search.lines, search.dt, search.n_parameters(roots)
     zeros, poles, gain, tau, cost = roots
@@ -721,7 +721,7 @@ def nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> Nomin
     )
 
 
-def bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | None) -> Bla:
+def _bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | None) -> Bla:
     """Return the `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
@@ -748,14 +748,14 @@ def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
     same = fitted.shape == G.shape and np.allclose(nominal.omega, bla.omega, rtol=1e-9)
     if not (same and np.isfinite(std).all() and np.allclose(fitted, G, rtol=1e-9, atol=0.0)):
         return bla
-    return bla_with_deviation(bla, std)
+    return _bla_with_deviation(bla, std)
 
 
 def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tuple[int, int]:
     """Return numbers of poles and zeros that fit each other and the lines."""
     n_poles = require_integer("n_poles", n_poles, least=0)
     n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
-    require_fittable(n_poles, search.lines.omega, search.dt)
+    _require_fittable(n_poles, search.lines.omega, search.dt)
     if n_zeros > n_poles:
         raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
     n_parameters, most = n_poles + n_zeros + 1 + (search.delay is None), 2 * search.lines.omega.size
@@ -766,10 +766,10 @@ def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tupl
     return n_poles, n_zeros
 
 
-def require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
+def _require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
     """Refuse more poles than are fitted, or lines above the Nyquist frequency of the model."""
-    if n_poles > MAX_POLES:
-        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    if n_poles > _MAX_POLES:
+        raise ValueError(f"n_poles must be at most {_MAX_POLES}, got {n_poles}")
     if dt and omega.max() * dt >= np.pi:
         raise ValueError(
             f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
@@ -777,7 +777,7 @@ def require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
         )
 
 
-def given_lines(
+def _given_lines(
     frf: control.FrequencyResponseData, std: np.ndarray | None, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return omega, G, its variance and degrees of freedom of an FRF from elsewhere; without a std relative errors."""
@@ -797,14 +797,14 @@ def given_lines(
     return omega, G, var, np.full(G.size, np.inf)
 
 
-def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None) -> FrfData:
+def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None) -> FrfData:
     """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has.
 
     What a class may miss on a line is what a loop with that crossover tolerates, [rad/s].
     """
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):
-        omega, G, var, dof = given_lines(bla, std, dt)
+        omega, G, var, dof = _given_lines(bla, std, dt)
     else:
         many = list(bla) if isinstance(bla, Sequence) else [bla]
         if not many or not all(map(is_single, many)):
@@ -825,7 +825,7 @@ def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c:
         raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
     # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
     floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
-    dof, crossover = np.where(np.isinf(dof), 1e12, dof), checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt)
+    dof, crossover = np.where(np.isinf(dof), 1e12, dof), _checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt)
     tolerance = loop_tolerance(omega, G, crossover)
     if np.isnan(dof).any() and omega_c is not None:  # no scatter is known: the loop alone says what a line counts for
         var = tolerance**2
@@ -840,7 +840,7 @@ def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c:
     )
 
 
-def checked_crossover(
+def _checked_crossover(
     omega_c: float | None, omega: np.ndarray, G: np.ndarray, *, var: np.ndarray, dof: np.ndarray, dt: float
 ) -> float:
     """Return the crossover [rad/s] of a loop for the lines of G (..., F), nan for none; refuse one no model can serve.

@@ -7,8 +7,8 @@ import scipy.linalg
 
 from robust.lti.realisation import order_roots
 
-FAR_RATIO = 1e12  # of the largest frequency: a zero out there is one at infinity
-MIN_DAMPING = 1e-8  # damping under which a pole counts as one on the axis
+_FAR_RATIO = 1e12  # of the largest frequency: a zero out there is one at infinity
+_MIN_DAMPING = 1e-8  # damping under which a pole counts as one on the axis
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
 
 
@@ -37,7 +37,7 @@ def vector_fit(
             basis = partial_fractions(s, poles)
             if not np.isfinite(basis).all():  # a pole on a point of the data
                 return best
-            top = stack_real_imaginary(np.column_stack(numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)[0]))
+            top = stack_real_imaginary(np.column_stack(_numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)[0]))
         below = stack_real_imaginary(-data[:, None] * basis * weight[:, None])
         scale = np.linalg.norm(below, axis=0)
         scale[scale == 0] = 1.0
@@ -55,7 +55,7 @@ def vector_fit(
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         # a pole on the axis would stand on a point of the data, fit that one and no other
         moved = np.where(
-            np.abs(moved.real) < MIN_DAMPING * np.abs(moved), moved.imag * 1j - MIN_DAMPING * np.abs(moved), moved
+            np.abs(moved.real) < _MIN_DAMPING * np.abs(moved), moved.imag * 1j - _MIN_DAMPING * np.abs(moved), moved
         )
         moved = order_roots(moved)
         done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
@@ -114,16 +114,16 @@ def fit_numerator(
     The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
     degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
     """
-    basis, up = numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)
+    basis, up = _numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)
     beta = np.linalg.lstsq(
         stack_real_imaginary(np.column_stack(basis)), stack_real_imaginary(weight * data), rcond=None
     )[0]
-    zeros = order_roots(roots_of_recurrence(beta, up))
+    zeros = order_roots(_roots_of_recurrence(beta, up))
     shape = weight / np.prod(s[:, None] - poles, axis=1) * np.prod(s[:, None] - zeros[None, :], axis=1)
     return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
 
 
-def numerator_basis(
+def _numerator_basis(
     s: np.ndarray, weight: np.ndarray, *, poles: np.ndarray, n_zeros: int
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Return polynomials of growing degree over the poles, orthonormal on the weighted points, and their recurrence."""
@@ -136,7 +136,7 @@ def numerator_basis(
     return basis, up
 
 
-def roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
+def _roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
 
     A pencil: where the last coefficients vanish (data of a lower degree) its roots go to infinity, and the others keep
@@ -151,8 +151,8 @@ def roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
     B[-1, -1] = beta[-1] / size
     unit = up[1:].max()
     over, under = scipy.linalg.eig(M / unit, B, right=False, homogeneous_eigvals=True)
-    far = np.abs(under) * FAR_RATIO < np.abs(over)
-    return np.where(far, -FAR_RATIO, over / np.where(far, 1.0, under)) * unit
+    far = np.abs(under) * _FAR_RATIO < np.abs(over)
+    return np.where(far, -_FAR_RATIO, over / np.where(far, 1.0, under)) * unit
 
 
 def stack_real_imaginary(a: np.ndarray) -> np.ndarray:

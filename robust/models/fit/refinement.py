@@ -11,9 +11,9 @@ from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
 from robust.models.fit.rational import Roots, stack_real_imaginary
 
-STABLE_RATIO = 1e-8  # of the lowest point: nearer the axis no stable pole comes
-MIN_DAMPING, MAX_DAMPING = 1e-12, 1e3  # of a step, over the largest singular value squared
-N_STEPS = 150
+_STABLE_RATIO = 1e-8  # of the lowest point: nearer the axis no stable pole comes
+_MIN_DAMPING, _MAX_DAMPING = 1e-12, 1e3  # of a step, over the largest singular value squared
+_N_STEPS = 150
 CONVERGED = 1e-8  # relative change of the cost in a step that ends the search
 
 
@@ -38,7 +38,7 @@ def refine(
     unit = float(np.exp(np.mean(np.log(np.abs(s)))))
     x = s / unit
     theta = np.concatenate(
-        [[1.0], section_coefficients(zeros / unit), section_coefficients(poles / unit), [0.0] * free_delay]
+        [[1.0], _section_coefficients(zeros / unit), _section_coefficients(poles / unit), [0.0] * free_delay]
     )
     n_zero, n_pole = zeros.size, poles.size
     pole_part = slice(1 + n_zero, 1 + n_zero + n_pole)
@@ -51,8 +51,8 @@ def refine(
         with np.errstate(all="ignore"):
             tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
             out = base * theta[0] * factor(tau)
-            top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
-            bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
+            top = _evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
+            bottom = _evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
             for one, other in zip_longest(top, bottom, fillvalue=1.0):
                 out = out * one / other
             e = stack_real_imaginary((data - out) * weight)
@@ -61,8 +61,8 @@ def refine(
         def derivatives() -> np.ndarray:
             J = np.empty((theta.size, x.size), dtype=complex)
             J[0] = 1 / theta[0] if theta[0] else 1.0
-            relative_slopes(x, top, out=J[1 : 1 + n_zero])
-            relative_slopes(x, bottom, out=J[pole_part])
+            _relative_slopes(x, top, out=J[1 : 1 + n_zero])
+            _relative_slopes(x, bottom, out=J[pole_part])
             np.negative(J[pole_part], out=J[pole_part])
             if free_delay:
                 J[-1] = slope
@@ -73,7 +73,7 @@ def refine(
 
     low = np.full(theta.size, -np.inf)
     if stable:
-        least = STABLE_RATIO * np.abs(x).min()
+        least = _STABLE_RATIO * np.abs(x).min()
         low[pole_part] = np.where(np.arange(n_pole) % 2, least**2, least)
         if n_pole % 2:
             low[n_zero + n_pole] = least
@@ -82,35 +82,35 @@ def refine(
         low[-1] = -delay / delay_unit
     e, cost, derivatives = error(theta)
     damping = 1e-3
-    for _ in range(N_STEPS):
+    for _ in range(_N_STEPS):
         before, J = cost, derivatives()
         if not np.isfinite(J).all():
             break
         # squared slopes keep the digits that the least damping leaves, and cost a tenth of singular values
         H, g = J @ J.T, J @ e
-        solve = damped_solver(H, g, free=(theta > low) | (g > 0))
-        while damping < MAX_DAMPING:
+        solve = _damped_solver(H, g, free=(theta > low) | (g > 0))
+        while damping < _MAX_DAMPING:
             step = solve(damping)
             below = theta + step < low
             if below.any():  # the others move with those held at their bounds
                 held = np.where(below, low - theta, 0.0)
-                step = np.where(below, held, damped_solver(H, g - H @ held, free=~below & (step != 0))(damping))
+                step = np.where(below, held, _damped_solver(H, g - H @ held, free=~below & (step != 0))(damping))
             trial = np.maximum(theta + step, low)
             e_new, cost_new, derivatives_new = error(trial)
             if cost_new < cost:
                 theta, e, cost, derivatives = trial, e_new, cost_new, derivatives_new
-                damping = max(damping / 10, MIN_DAMPING)
+                damping = max(damping / 10, _MIN_DAMPING)
                 break
             damping *= 6
         if not cost < before * (1 - tolerance):
             break
-    zeros = order_roots(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
-    poles = order_roots(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole) * unit)
+    zeros = order_roots(_roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
+    poles = order_roots(_roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole) * unit)
     tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
 
 
-def damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
+def _damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
     """Return what gives the damped least squares step of the free parameters from J'J and J'e; the others stay."""
     size = np.sqrt(np.diag(H))
     scale = free / np.where(size > 0, size, 1.0)
@@ -123,13 +123,13 @@ def damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable
     return step
 
 
-def section_coefficients(roots: np.ndarray) -> np.ndarray:
+def _section_coefficients(roots: np.ndarray) -> np.ndarray:
     """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0."""
     pairs, rest = pair_roots(roots)
     return np.array([c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest])
 
 
-def evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarray]:
+def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarray]:
     """Return the value of each section."""
     sections = [x * x + theta[k] * x + theta[k + 1] for k in range(0, n - n % 2, 2)]
     if n % 2:
@@ -137,7 +137,7 @@ def evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarr
     return sections
 
 
-def relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
+def _relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
     """Put the derivative of each section by each of its parameters, over its value, into out (n, W)."""
     with np.errstate(all="ignore"):
         for k, section in enumerate(sections):
@@ -147,7 +147,7 @@ def relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarra
                 np.multiply(x, rows[-1], out=rows[0])
 
 
-def roots_from(theta: np.ndarray, n: int) -> np.ndarray:
+def _roots_from(theta: np.ndarray, n: int) -> np.ndarray:
     """Return the roots of all sections."""
     found: list[complex] = []
     for k in range(0, n - n % 2, 2):
@@ -246,7 +246,7 @@ class MagnitudeProblem:
             target=np.maximum.reduceat(self.target, edges[:-1])[group],
             low=self.low,
             high=self.high,
-            floor=np.maximum(self.floor[pick], damping_floor(self.log_x[pick])),
+            floor=np.maximum(self.floor[pick], _damping_floor(self.log_x[pick])),
             share=share,
             log_x=self.log_x[pick],
         )
@@ -275,13 +275,13 @@ def magnitude_problem(
         target=target,
         low=target[0] if ends else -np.inf,
         high=target[-1] if ends else -np.inf,
-        floor=np.full(x.size, -16.0) if free else damping_floor(log_x),
+        floor=np.full(x.size, -16.0) if free else _damping_floor(log_x),
         share=np.full(x.size, 1 / x.size) if share is None else share,
         log_x=log_x,
     )
 
 
-def damping_floor(log_x: np.ndarray) -> np.ndarray:
+def _damping_floor(log_x: np.ndarray) -> np.ndarray:
     """Return the log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
@@ -315,7 +315,7 @@ def slope_at_zero(n: int) -> np.ndarray:
 
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Return roots behind the parameters."""
-    zeros, poles = (roots_of_logarithms(part, order) for part in (theta[:order], theta[order:]))
+    zeros, poles = (_roots_of_logarithms(part, order) for part in (theta[:order], theta[order:]))
     return zeros, poles
 
 
@@ -329,11 +329,11 @@ def section_logarithms(roots: np.ndarray) -> np.ndarray:
     return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
 
 
-def roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
+def _roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
     """Return the stable roots of n such logarithms."""
     m, coefficients = n - n % 2, np.exp(theta)
     coefficients[:m:2], coefficients[1:m:2] = 2 * np.exp(theta[:m:2] + theta[1:m:2]), np.exp(2 * theta[:m:2])
-    roots = roots_from(coefficients, n)
+    roots = _roots_from(coefficients, n)
     # an exponential underflows to zero, and what is stable has to be strictly so
     return order_roots(np.minimum(roots.real, -1e-12) + 1j * roots.imag)
 
@@ -344,7 +344,7 @@ def roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
 Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 
 
-def descend_newton(
+def _descend_newton(
     problem: MagnitudeProblem,
     theta: np.ndarray,
     *,
@@ -417,7 +417,7 @@ def fit_asymmetric(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
     """Return the least squares on the log excess, where lying below the target costs below^2 times as much."""
-    return descend_newton(
+    return _descend_newton(
         problem,
         theta,
         log_k=-problem.mean_excess(theta, 0.0, order),
@@ -428,8 +428,8 @@ def fit_asymmetric(
     )
 
 
-PLACES, DAMPINGS = 15, (-2.0, 0.0)  # of one kind, and log damping: more of both place no better over 70 radii
-MAX_SPLIT = 0.7
+_PLACES, _DAMPINGS = 15, (-2.0, 0.0)  # of one kind, and log damping: more of both place no better over 70 radii
+_MAX_SPLIT = 0.7
 
 
 def sections_that_pay(
@@ -441,9 +441,9 @@ def sections_that_pay(
     complement of its block of the Hessian, the others at their optimum. Places lie evenly over the points and over log
     frequency.
     """
-    N, ends = problem.x.size, np.linspace(0, 1, PLACES)
+    N, ends = problem.x.size, np.linspace(0, 1, _PLACES)
     places = np.concatenate([np.quantile(problem.log_x, ends), np.quantile(problem.log_x[[0, -1]], ends)])
-    grid = np.array([(w, zeta)[:more] for w in places for zeta in DAMPINGS])
+    grid = np.array([(w, zeta)[:more] for w in places for zeta in _DAMPINGS])
     e, J = problem.excess(*fit, order)
     first, second = asymmetric_cost(problem, below)(e)[1:]
     slopes = np.zeros((*grid.shape, e.size))
@@ -461,7 +461,7 @@ def sections_that_pay(
     gain = -np.vecdot(split, slope)
     best = int(np.argmax(gain))
     other = int(np.argmax(np.where(np.abs(grid[:, 0] - grid[best, 0]) < 0.3, -np.inf, gain)))
-    return [(grid[k], np.clip(split[k] / 2, -MAX_SPLIT, MAX_SPLIT)) for k in (best, other)]
+    return [(grid[k], np.clip(split[k] / 2, -_MAX_SPLIT, _MAX_SPLIT)) for k in (best, other)]
 
 
 def polish_by_barrier(
@@ -483,7 +483,7 @@ def polish_by_barrier(
                 return np.inf, e, e
             return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
 
-        theta, log_k = descend_newton(
+        theta, log_k = _descend_newton(
             problem, theta, log_k=log_k, order=order, objective=objective, n_iterations=n_iterations, small=1e-3 * mu
         )
     return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())

@@ -23,21 +23,21 @@ from robust.models.fit.rational import (
 )
 from robust.models.fit.refinement import CONVERGED, refine
 
-N_TRIALS = 41  # delays of a scan in continuous time; half more in samples
-N_PLACES = 128  # frequencies at which a further pole and zero are tried
-DAMPINGS = 0.01, 0.05, 0.25  # of a further pair
-MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
-SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
-ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
-N_DELAYS = 3  # delays of a scan that are refined
-N_RELOCATIONS, N_ROUGH = 12, 4  # of vector fitting, and where delays are only compared
-SAME_COST = 1e-6  # relative: two such starts are one
-LIKELY_COST = 0.05  # probability of a cost over which there is nothing left to search for
+_N_TRIALS = 41  # delays of a scan in continuous time; half more in samples
+_N_PLACES = 128  # frequencies at which a further pole and zero are tried
+_DAMPINGS = 0.01, 0.05, 0.25  # of a further pair
+_MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
+_SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
+_ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
+_N_DELAYS = 3  # delays of a scan that are refined
+_N_RELOCATIONS, _N_ROUGH = 12, 4  # of vector fitting, and where delays are only compared
+_SAME_COST = 1e-6  # relative: two such starts are one
+_LIKELY_COST = 0.05  # probability of a cost over which there is nothing left to search for
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it: the class misses something
 #: Sizes of the error of the class that a fit starts from, over |G| in mid band: from all that a fit could miss to what
 #: no loop sees. On the machines of benchmarks.nominal three starts found what seven found.
 START_SIZES = 1.0, 1e-2, 1e-4
-ROUGH = 1e-3  # relative change of a cost that is enough to compare starts
+_ROUGH = 1e-3  # relative change of a cost that is enough to compare starts
 SETTLED, MAX_ROUNDS = 1e-3, 30  # change of the log likelihood that ends the rounds of fit and size, and their number
 
 
@@ -121,10 +121,10 @@ class FitSearch:
                     continue
                 smaller = self.best(fewer)
                 if not self.explained(best) or smaller[4] < best[4]:
-                    best = self.best_of(further_roots(self, smaller, k), best)
+                    best = self.best_of(_further_roots(self, smaller, k), best)
             if not self.explained(best) and n and 2 * self.lines.omega.size > n + m + 7:
-                larger = [vector_fitted(self, (n + 2, m + 2), best[3], spacing) for spacing in ("log", "linear")]
-                best = self.best_of([start for roots in larger for start in fewer_roots(self, roots, 2)], best)
+                larger = [_vector_fitted(self, (n + 2, m + 2), best[3], spacing) for spacing in ("log", "linear")]
+                best = self.best_of([start for roots in larger for start in _fewer_roots(self, roots, 2)], best)
             self.found[orders] = best
         return self.found[orders]
 
@@ -143,7 +143,7 @@ class FitSearch:
     def offer(self, orders: tuple[int, int], fewer: Roots) -> None:
         """Take a fit of fewer zeros for that of so many, the missing ones far above the band, where it costs less."""
         zeros, poles, gain, tau, _ = fewer
-        n, far = orders[1] - zeros.size, ZERO_FAR * self.lines.omega.max()
+        n, far = orders[1] - zeros.size, _ZERO_FAR * self.lines.omega.max()
         padded = self.with_cost(np.concatenate([zeros, np.full(n, -far)]), poles, gain / far**n, tau)
         self.found[orders] = min(padded, self.found[orders], key=lambda roots: roots[4])
 
@@ -160,18 +160,18 @@ class FitSearch:
             for k in (1, 2):
                 larger = self.found.get((n + k, m + k))
                 if larger is not None and not self.explained(self.found[n, m]):
-                    self.found[n, m] = self.best_of(fewer_roots(self, larger, k), self.found[n, m])
+                    self.found[n, m] = self.best_of(_fewer_roots(self, larger, k), self.found[n, m])
         for n, m in sorted(self.found):
             for k in (1, 2):
                 smaller = self.found.get((n - k, m - k))
                 if smaller is not None and smaller[4] < self.found[n, m][4]:
-                    self.found[n, m] = self.best_of(further_roots(self, smaller, k), self.found[n, m])
+                    self.found[n, m] = self.best_of(_further_roots(self, smaller, k), self.found[n, m])
 
     def best_of(self, starts: list[Roots], best: Roots | None = None, *, tolerance: float = CONVERGED) -> Roots:
         """Return the best of the refined starts, and of a fit that there is already; equal starts count once."""
         tried: list[float] = []
         for start in sorted(starts, key=lambda roots: roots[4]):
-            if all(abs(start[4] - cost) > SAME_COST * cost for cost in tried):
+            if all(abs(start[4] - cost) > _SAME_COST * cost for cost in tried):
                 refined = self.refine(start, tolerance)
                 best = refined if best is None or refined[4] < best[4] else best
             tried.append(start[4])
@@ -185,7 +185,7 @@ class FitSearch:
 
     def explained(self, roots: Roots) -> bool:
         """Return whether scatter explains what a fit leaves."""
-        return self.probability(roots) > LIKELY_COST
+        return self.probability(roots) > _LIKELY_COST
 
     def with_class_error(self, epsilon: float, delay: float | None) -> FitSearch:
         """Return a search that weighs the lines by an error of the class, too, behind a delay [s] if one is given."""
@@ -205,8 +205,8 @@ class FitSearch:
         for k, epsilon in enumerate(START_SIZES):
             # the delay is searched for once: at the size under which the class fits its own way
             weighted = self.with_class_error(epsilon, self.delay if k == 0 else begun[-1][3])
-            begun.append(weighted.begin(orders, tolerance=ROUGH))
-        settled = [self.settle(start, ROUGH) for start in begun]
+            begun.append(weighted.begin(orders, tolerance=_ROUGH))
+        settled = [self.settle(start, _ROUGH) for start in begun]
         weighted, roots = min(settled, key=lambda found: found[0].unlikelihood(found[1]))
         alone = self.refine(self.with_cost(*roots[:4]))
         if self.probability(alone) < UNLIKELY_COST:
@@ -273,17 +273,17 @@ class FitSearch:
     def fresh(self, orders: tuple[int, int]) -> list[Roots]:
         """Return starts from scratch, at the delay that is given or those that leave least."""
         if self.delay is None:
-            delays = trial_delays(self.lines, self.dt)
-            rough = [vector_fitted(self, orders, float(tau), "log", n_iterations=N_ROUGH) for tau in delays]
-            best = sorted(rough, key=lambda roots: roots[4])[:N_DELAYS]
-            starts = [vector_fitted(self, orders, roots[3], "log") for roots in best]
+            delays = _trial_delays(self.lines, self.dt)
+            rough = [_vector_fitted(self, orders, float(tau), "log", n_iterations=_N_ROUGH) for tau in delays]
+            best = sorted(rough, key=lambda roots: roots[4])[:_N_DELAYS]
+            starts = [_vector_fitted(self, orders, roots[3], "log") for roots in best]
             starts.sort(key=lambda roots: roots[4])
         else:
-            starts = [vector_fitted(self, orders, self.delay, "log")]
-        return starts + [vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")]
+            starts = [_vector_fitted(self, orders, self.delay, "log")]
+        return starts + [_vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")]
 
 
-def trial_delays(lines: FrfData, dt: float) -> np.ndarray:
+def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
     """Return delays [s] from none to twice the mean group delay, or a turn at the highest line."""
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
@@ -291,13 +291,13 @@ def trial_delays(lines: FrfData, dt: float) -> np.ndarray:
     slope = max(0.0, -np.polyfit(omega, phase, 1)[0])
     longest = max(2 * slope, 2 * np.pi / omega[-1])
     if not dt:
-        return np.linspace(0.0, longest, N_TRIALS)
+        return np.linspace(0.0, longest, _N_TRIALS)
     trials = np.arange(int(np.ceil(longest / dt)) + 1) * dt
     return trials[:: max(1, trials.size // 60)]
 
 
-def vector_fitted(
-    search: FitSearch, orders: tuple[int, int], tau: float, spacing: str, *, n_iterations: int = N_RELOCATIONS
+def _vector_fitted(
+    search: FitSearch, orders: tuple[int, int], tau: float, spacing: str, *, n_iterations: int = _N_RELOCATIONS
 ) -> Roots:
     """Return zeros and poles by vector fitting behind a delay [s], or poles on the peaks."""
     lines, (n_poles, n_zeros) = search.lines, orders
@@ -306,7 +306,7 @@ def vector_fitted(
     data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.total_var)
     low, high = np.abs(s).min(), np.abs(s).max()
     if spacing == "peaks":
-        poles = poles_on_peaks(s, data, n_poles)
+        poles = _poles_on_peaks(s, data, n_poles)
     else:
         poles = starting_poles(n_poles, low, high, spacing=spacing)
     if n_poles and spacing != "peaks":
@@ -316,10 +316,10 @@ def vector_fitted(
             s, data, weight=tame, poles=poles, n_zeros=n_zeros, n_iterations=n_iterations, stable=search.stable
         )
         poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
-    return with_numerator(search, poles, n_zeros, tau)
+    return _with_numerator(search, poles, n_zeros, tau)
 
 
-def with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: float) -> Roots:
+def _with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: float) -> Roots:
     """Return the fit of the best numerator over given poles and a given delay [s]."""
     lines = search.lines
     q = known_factor(lines.omega, tau, dt=search.dt, excess=poles.size - n_zeros)
@@ -329,7 +329,7 @@ def with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: floa
     return search.with_cost(zeros, poles, gain, tau)
 
 
-def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+def _poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
     """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency or more between them."""
     x, size = np.abs(s), np.abs(data)
     poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
@@ -340,7 +340,7 @@ def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
     return order_roots(np.array(poles))
 
 
-def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
+def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
     """Return starts with one (k = 1) or two further poles and as many zeros, where the residual asks for them most.
 
     A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b: at each place the least
@@ -362,8 +362,8 @@ def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
         return np.asarray(stacked - q @ (q.T @ stacked))
 
     places = np.sort(np.abs(s))
-    w = places[np.unique(np.linspace(0, places.size - 1, N_PLACES).astype(int))]
-    worth, dampings = [], DAMPINGS if k == 2 else (1.0,)
+    w = places[np.unique(np.linspace(0, places.size - 1, _N_PLACES).astype(int))]
+    worth, dampings = [], _DAMPINGS if k == 2 else (1.0,)
     for zeta in dampings:
         below = s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2 if k == 2 else s[:, None] + w
         one = left(w / below)
@@ -379,7 +379,7 @@ def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
             gain_of = gain_of + (e @ two) ** 2 / size
         worth += list(zip(gain_of, w, [zeta] * w.size, by, strict=True))
     worth.sort(key=lambda place: -place[0])
-    distant = [place for place in worth if abs(np.log(place[1] / worth[0][1])) > MIN_LOG_DISTANCE]
+    distant = [place for place in worth if abs(np.log(place[1] / worth[0][1])) > _MIN_LOG_DISTANCE]
     starts = []
     for _, at, zeta, (b, a) in worth[:1] + distant[: k - 1]:
         below = np.array([1, 2 * zeta * at, at**2] if k == 2 else [1, at])
@@ -391,13 +391,13 @@ def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
                 gain,
                 tau,
             )
-            for share in SHARES
+            for share in _SHARES
         ]
         starts.append(min(shares, key=lambda one: one[4]))
     return starts
 
 
-def fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
+def _fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
     """Return the start that is left of a fit without a real pole (k = 1) or a pair, and as many zeros: the cheapest."""
     zeros, poles, _, tau, _ = roots
     pairs, rest = pair_roots(poles)
@@ -407,5 +407,5 @@ def fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
         kept = list(poles)
         for p in gone:
             kept.pop(int(np.argmin(np.abs(np.array(kept) - p))))
-        starts.append(with_numerator(search, np.array(kept, dtype=complex), zeros.size - k, tau))
+        starts.append(_with_numerator(search, np.array(kept, dtype=complex), zeros.size - k, tau))
     return sorted(starts, key=lambda one: one[4])[:1]

@@ -24,10 +24,10 @@ from robust.lti.realisation import order_roots
 from robust.models.fit.class_error import balance, loop_tolerance
 from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
-N_RELOCATIONS, N_STEPS = 15, 60
-MIN_POLE_DISTANCE = 1e-6  # damping of the start under which a pole is moved off the axis
-CONVERGED = 1e-12
-MIN_EIGENVALUE_RATIO = 1e-3  # eigenvalue of a covariance over its largest one, at least
+_N_RELOCATIONS, _N_STEPS = 15, 60
+_MIN_POLE_DISTANCE = 1e-6  # damping of the start under which a pole is moved off the axis
+_CONVERGED = 1e-12
+_MIN_EIGENVALUE_RATIO = 1e-3  # eigenvalue of a covariance over its largest one, at least
 
 
 @value(copy=False)
@@ -144,9 +144,9 @@ def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
         parts.append(
             (
                 hermitian_power(
-                    np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=MIN_EIGENVALUE_RATIO, least=rounding[:, None]
+                    np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=_MIN_EIGENVALUE_RATIO, least=rounding[:, None]
                 ),
-                hermitian_power(gamma, -0.5, share=MIN_EIGENVALUE_RATIO),
+                hermitian_power(gamma, -0.5, share=_MIN_EIGENVALUE_RATIO),
             )
         )
     left, right = (np.concatenate(roots) for roots in zip(*parts, strict=True))
@@ -155,13 +155,13 @@ def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
     )
     rows, columns = balance(np.moveaxis(tolerance, 2, 0))
     # in directions in which scatter and error of the class are both independent
-    of_rows, forth = np.linalg.eigh(left * rows[:, None] ** 2 @ conjugate(left))
-    of_columns, back = np.linalg.eigh(conjugate(right) * columns[:, None] ** 2 @ right)
+    of_rows, forth = np.linalg.eigh(left * rows[:, None] ** 2 @ _conjugate(left))
+    of_columns, back = np.linalg.eigh(_conjugate(right) * columns[:, None] ** 2 @ right)
     power = np.maximum(of_rows, 0.0)[:, :, None] * np.maximum(of_columns, 0.0)[:, None]
-    return ErrorMetric(conjugate(forth) @ left, right @ back, np.sqrt(power), rows[:, :, None] * columns[:, None])
+    return ErrorMetric(_conjugate(forth) @ left, right @ back, np.sqrt(power), rows[:, :, None] * columns[:, None])
 
 
-def conjugate(X: np.ndarray) -> np.ndarray:
+def _conjugate(X: np.ndarray) -> np.ndarray:
     """Return the conjugate transposes of matrices (F, n, m)."""
     return np.asarray(np.swapaxes(X, 1, 2).conj())
 
@@ -215,7 +215,7 @@ def fit_by_vector_fitting(
     """Fit by vector fitting alone, from poles of one spacing: the start of `fit_shared_poles`."""
     std = metric.entry_std()
     std = np.maximum(std, 1e-3 * std.min(axis=0))
-    poles = relocate_shared_poles(
+    poles = _relocate_shared_poles(
         omega,
         G,
         std=std,
@@ -223,10 +223,10 @@ def fit_by_vector_fitting(
         direct=direct,
         stable=stable,
     )
-    return residues_of_rank(omega, G, std=std, poles=poles, rank=rank, direct=direct)
+    return _residues_of_rank(omega, G, std=std, poles=poles, rank=rank, direct=direct)
 
 
-def relocate_shared_poles(
+def _relocate_shared_poles(
     omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
 ) -> np.ndarray:
     """Return poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
@@ -234,7 +234,7 @@ def relocate_shared_poles(
     if not n:
         return poles
     best, least = poles, np.inf
-    for _ in range(N_RELOCATIONS):
+    for _ in range(_N_RELOCATIONS):
         basis = partial_fractions(s, poles)
         own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
         rows, aims, cost = [], [], 0.0
@@ -257,13 +257,13 @@ def relocate_shared_poles(
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         moved = np.where(
-            np.abs(moved.real) < MIN_POLE_DISTANCE * np.abs(moved), moved - MIN_POLE_DISTANCE * np.abs(moved), moved
+            np.abs(moved.real) < _MIN_POLE_DISTANCE * np.abs(moved), moved - _MIN_POLE_DISTANCE * np.abs(moved), moved
         )
         poles = order_roots(moved)
     return best
 
 
-def residues_of_rank(
+def _residues_of_rank(
     omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
 ) -> SharedPoles:
     """Return residues over given poles, each cut to its largest singular values."""
@@ -311,7 +311,7 @@ def refine_shared_poles(
 
     residual = metric.whiten(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
-    for _ in range(N_STEPS):
+    for _ in range(_N_STEPS):
         J = metric.whiten(response_derivatives(omega, model, direct=direct, stable=stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
@@ -319,7 +319,7 @@ def refine_shared_poles(
         for _ in range(8):
             filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
-            trial = step_parameters(model, step, direct=direct, stable=stable)
+            trial = _step_parameters(model, step, direct=direct, stable=stable)
             new = metric.whiten(G - trial.response(omega))
             new_cost = float(new @ new)
             if np.isfinite(new_cost) and new_cost < cost:
@@ -328,7 +328,7 @@ def refine_shared_poles(
             damping *= 10
         if not improved:
             break
-        done = cost - new_cost < CONVERGED * cost
+        done = cost - new_cost < _CONVERGED * cost
         model, residual, cost, damping = trial, new, new_cost, max(damping / 30, 1e-15)
         if done:
             break
@@ -336,7 +336,7 @@ def refine_shared_poles(
 
 
 def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool, stable: bool) -> np.ndarray:
-    """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of `step_parameters`."""
+    """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of `_step_parameters`."""
     up, down = model.pole_fractions(omega)
     out = []
     for r, p in enumerate(model.poles):
@@ -362,7 +362,7 @@ def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool,
     return np.array(out, dtype=complex).reshape(len(out), omega.size, *model.direct.shape)
 
 
-def step_parameters(model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool) -> SharedPoles:
+def _step_parameters(model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool) -> SharedPoles:
     """Return the model after a step of its parameters."""
     poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
 

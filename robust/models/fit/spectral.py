@@ -24,15 +24,15 @@ from robust.proofs.search.programs import SOLVERS, solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-BAND_MARGIN = 3.0  # how far outside the lines a pole may lie
-POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: nearer ones are moved
-ACTIVE_SHARE = 0.5  # of the largest gain at a line from which on a matrix is one that the fit has to hold
-LIFT = 1e-9
+_BAND_MARGIN = 3.0  # how far outside the lines a pole may lie
+_POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: nearer ones are moved
+_ACTIVE_SHARE = 0.5  # of the largest gain at a line from which on a matrix is one that the fit has to hold
+_LIFT = 1e-9
 #: Steps of SCS where CLARABEL gives up, as of matrices of rank one: the set is lifted over every plant in any case.
 #: With 300, 1000 and 3000 steps the weights of one such family came to 1.013, 1.003 and 1.010 of the smallest.
-SPECTRUM_STEPS = 1000
-RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, which is added in every direction for W to have an inverse
-MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
+_SPECTRUM_STEPS = 1000
+_RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, which is added in every direction for W to have an inverse
+_MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
 
 
 def fit_matrix_weights(
@@ -77,15 +77,15 @@ def fit_matrix_weights(
     unit = float(np.sqrt(x[0] * x[-1]))
     x = x / unit
     w = fit_weight(x, np.sqrt(np.einsum("wii->w", L).real), order=order).W
-    zeros = space_roots(clip_roots(w.zeros(), x), np.zeros(0))
-    poles = space_roots(clip_roots(w.poles(), x), zeros)
+    zeros = _space_roots(_clip_roots(w.zeros(), x), np.zeros(0))
+    poles = _space_roots(_clip_roots(w.poles(), x), zeros)
     s = 1j * x[:, None]
     size = np.prod(np.abs((s - zeros) / (s - poles)), axis=1) ** 2
     traces = np.einsum("wii->w", L).real / size, np.einsum("wii->w", R).real
     gains = largest_gains(E, L, R)
-    active = gains > ACTIVE_SHARE * gains.max(axis=0)
-    found = fit_spectra(x, E / np.sqrt(size)[:, None, None], active, poles=(zeros, poles), traces=traces)
-    factors = exchange_poles(spectral_factor(zeros, found[0]), zeros, poles), spectral_factor(poles, found[1])
+    active = gains > _ACTIVE_SHARE * gains.max(axis=0)
+    found = _fit_spectra(x, E / np.sqrt(size)[:, None, None], active, poles=(zeros, poles), traces=traces)
+    factors = _exchange_poles(_spectral_factor(zeros, found[0]), zeros, poles), _spectral_factor(poles, found[1])
     sides = []
     for W in factors:
         matrices = (W.A * unit, W.B * unit, W.C, W.D)
@@ -94,7 +94,7 @@ def fit_matrix_weights(
     W_r = control.StateSpace(V_r.A.T, V_r.C.T, V_r.B.T, V_r.D.T, dt, remove_useless_states=False)
     left, right = (np.moveaxis(response_by_channel(W, omega), 2, 0) for W in (W_l, W_r))
     Delta = np.linalg.solve(left, divide_right(E, right))
-    lift = float(np.linalg.norm(Delta, 2, (2, 3)).max()) * (1 + LIFT)
+    lift = float(np.linalg.norm(Delta, 2, (2, 3)).max()) * (1 + _LIFT)
     return control.StateSpace(W_l.A, W_l.B, W_l.C * lift, W_l.D * lift, dt, remove_useless_states=False), W_r
 
 
@@ -105,24 +105,24 @@ def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
 
 
-def clip_roots(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+def _clip_roots(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return roots of which none is far outside the lines, where nothing would hold what they make."""
     size = np.abs(roots)
-    return roots * np.clip(size, x[0] / BAND_MARGIN, x[-1] * BAND_MARGIN) / size
+    return roots * np.clip(size, x[0] / _BAND_MARGIN, x[-1] * _BAND_MARGIN) / size
 
 
-def space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
+def _space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
     """Return roots of which no two are equal, nor one of those taken: real ones first, pairs adjacent."""
     roots = order_roots(roots)
     upper = roots[roots.imag >= 0]
     for k in range(upper.size):
         others = np.concatenate([taken, upper[:k]])
-        while np.any(np.abs(upper[k] - others) < 0.99 * POLE_SPACING * np.abs(upper[k])):
-            upper[k] *= 1 + POLE_SPACING
+        while np.any(np.abs(upper[k] - others) < 0.99 * _POLE_SPACING * np.abs(upper[k])):
+            upper[k] *= 1 + _POLE_SPACING
     return order_roots(np.concatenate([upper, upper[upper.imag > 0].conj()]))
 
 
-class SpectrumVariable:
+class _SpectrumVariable:
     """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real M_k of a program."""
 
     def __init__(self, x: np.ndarray, poles: np.ndarray, n: int) -> None:
@@ -152,7 +152,7 @@ class SpectrumVariable:
         return np.asarray(self.M.value / self.largest[:, None]).reshape(-1, self.n, self.n)
 
 
-def fit_spectra(
+def _fit_spectra(
     x: np.ndarray,
     E: np.ndarray,
     active: np.ndarray,
@@ -164,7 +164,7 @@ def fit_spectra(
     import cvxpy as cp
 
     n, m = E.shape[2:]
-    sides = [SpectrumVariable(x, roots, size) for roots, size in zip(poles, (n, m), strict=True)]
+    sides = [_SpectrumVariable(x, roots, size) for roots, size in zip(poles, (n, m), strict=True)]
     constraints, cost = [], 0
     for k in range(2 * x.size + 1):
         (L, L_j), (R, R_j) = (side.at(k) for side in sides)
@@ -180,22 +180,22 @@ def fit_spectra(
             constraints.append(cp.bmat([[real, -imaginary], [imaginary, real]]) >> 0)
     problem = cp.Problem(cp.Minimize(cost / x.size), constraints)
     for solver in SOLVERS:
-        solve_program(problem, solver, steps=SPECTRUM_STEPS)
+        solve_program(problem, solver, steps=_SPECTRUM_STEPS)
         found = [side.value for side in sides]
         if found[0] is not None and found[1] is not None:
             return found[0], found[1]
     raise WeightOrderError(f"order must leave a weight over the matrices, got none with {poles[0].size} poles")
 
 
-def spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
+def _spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
     """Return W, stable and minimum phase, with W W* = Z + Z*, Z = M_0 + sum over the fractions of the poles."""
     n = M.shape[1]
-    A, B = fraction_states(poles, n)
+    A, B = _fraction_states(poles, n)
     C = np.hstack([np.zeros((n, 0)), *M[1:]])
-    for share in RAISED:
+    for share in _RAISED:
         direct = M[0] + M[0].T + share * 2 * np.trace(M[0]) / n * np.eye(n)
         values, vectors = np.linalg.eigh(direct)
-        if values[0] <= MIN_DIRECT * values[-1]:
+        if values[0] <= _MIN_DIRECT * values[-1]:
             continue
         root = (vectors * np.sqrt(values)) @ vectors.T
         if not poles.size:
@@ -208,7 +208,7 @@ def spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
     raise WeightOrderError(f"order must leave a weight over the matrices, got no factor with {poles.size} poles")
 
 
-def fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return A and B whose states are the `partial_fractions` of the poles, each of n inputs."""
     sections = [[[p.real, p.imag], [-p.imag, p.real]] if p.imag else [[p.real]] for p in poles[poles.imag >= 0]]
     inputs = np.concatenate([np.zeros(0), *([2.0, 0.0] if p.imag else [1.0] for p in poles[poles.imag >= 0])])
@@ -216,10 +216,10 @@ def fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.kron(A, np.eye(n)), np.kron(inputs[:, None], np.eye(n))
 
 
-def exchange_poles(V: control.StateSpace, zeros: np.ndarray, poles: np.ndarray) -> control.StateSpace:
+def _exchange_poles(V: control.StateSpace, zeros: np.ndarray, poles: np.ndarray) -> control.StateSpace:
     """Return V prod (s - z)/(s - p) for a V whose poles are the zeros z: by its residues at the poles p."""
     n = V.noutputs
-    A, B = fraction_states(poles, n)
+    A, B = _fraction_states(poles, n)
     C = [np.zeros((n, 0))]
     for p in poles[poles.imag >= 0]:
         others = poles[poles != p]

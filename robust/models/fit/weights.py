@@ -228,43 +228,43 @@ def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
     )
     W = from_roots(zeros, poles, 2 * top, 0.0)
     omega = np.concatenate([np.geomspace(1e-4, 1, 200), np.linspace(1, 20, 4000), np.geomspace(20, 1e4, 200)]) / delay
-    lift = float(np.max(delay_radius(omega * delay, gain) / np.abs(response(W, omega)))) * (1 + 1e-6)
+    lift = float(np.max(_delay_radius(omega * delay, gain) / np.abs(response(W, omega)))) * (1 + 1e-6)
     return control.StateSpace(W.A, W.B, W.C * max(lift, 1.0), W.D * max(lift, 1.0), 0)
 
 
-def delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
+def _delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
     """Return (W,) largest |k exp(-j x t) - 1| over 0 <= t <= 1 and |k - 1| <= gain, at x = omega delay."""
     return np.where(x < np.pi, np.sqrt(gain**2 + 2 * (1 + gain) * (1 - np.cos(np.minimum(x, np.pi)))), 2 + gain)
 
 
 # ---- The numerical problem behind `fit_weight`: least mean log excess of |W| over a target that it must cover.
 
-EXACT_TOLERANCE = 1e-4  # log error under which a weight is taken to be the target itself
-BELOW = 8.0  # how much more lying below costs while sections are placed; of 2, 4, 8, 16 the one of least excess
-COARSE_POINTS, FINE_POINTS = 240, 700  # on which sections are placed, and all are polished in the end
+_EXACT_TOLERANCE = 1e-4  # log error under which a weight is taken to be the target itself
+_BELOW = 8.0  # how much more lying below costs while sections are placed; of 2, 4, 8, 16 the one of least excess
+_COARSE_POINTS, _FINE_POINTS = 240, 700  # on which sections are placed, and all are polished in the end
 Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
 
 
-def least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
+def _least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
     """Return fits of the target itself from every start, the best first, with their largest error."""
     few, fits = problem.thin(150), []
-    for start in starting_parameters(few, order):
+    for start in _starting_parameters(few, order):
         theta, log_k = fit_asymmetric(few, start, order=order, below=1.0, n_iterations=40)
         error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
         if error < 1e-2:  # perhaps exact: all the points tell
             theta, log_k = fit_asymmetric(problem, theta, order=order, below=1.0, n_iterations=15)
             error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
         fits.append((error, theta, log_k))
-        if error < EXACT_TOLERANCE:
+        if error < _EXACT_TOLERANCE:
             break
     return sorted(fits, key=lambda fit: fit[0])
 
 
 @value
-class Growth:
+class _Growth:
     """A weight that grows by sections: least squares (theta, log_k), on which the next one is placed, and a fit.
 
-    In the least squares what lies below the target costs `BELOW`^2 times as much as what lies above.
+    In the least squares what lies below the target costs `_BELOW`^2 times as much as what lies above.
     """
 
     order: int
@@ -272,50 +272,50 @@ class Growth:
     fit: Fit
 
 
-def constant_weight(problem: MagnitudeProblem) -> Growth:
+def _constant_weight(problem: MagnitudeProblem) -> _Growth:
     """Return the weight of order 0 that covers the target."""
-    placed = fit_asymmetric(problem, np.zeros(0), order=0, below=BELOW, n_iterations=8)
+    placed = fit_asymmetric(problem, np.zeros(0), order=0, below=_BELOW, n_iterations=8)
     level = max(float(problem.target.max()), problem.low, problem.high)
     fit = problem.mean_excess(np.zeros(0), level, 0), np.zeros(0), level
-    return Growth(order=0, placed=placed, fit=fit)
+    return _Growth(order=0, placed=placed, fit=fit)
 
 
-def add_states(problem: MagnitudeProblem, growth: Growth, more: int) -> Growth:
+def _add_states(problem: MagnitudeProblem, growth: _Growth, more: int) -> _Growth:
     """Return the weight, of even order so far, with one or two more states where they pay most."""
-    order, cost, tries = growth.order + more, asymmetric_cost(problem, BELOW), []
-    for section, split in sections_that_pay(problem, growth.placed, order=growth.order, more=more, below=BELOW):
-        start = problem.clip_sections(add_section(growth.placed[0], section, split), order)
-        tries.append(fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=6))
+    order, cost, tries = growth.order + more, asymmetric_cost(problem, _BELOW), []
+    for section, split in sections_that_pay(problem, growth.placed, order=growth.order, more=more, below=_BELOW):
+        start = problem.clip_sections(_add_section(growth.placed[0], section, split), order)
+        tries.append(fit_asymmetric(problem, start, order=order, below=_BELOW, n_iterations=6))
     start, _ = min(tries, key=lambda fit: cost(problem.excess(fit[0], fit[1], order)[0])[0])
-    grown = placed_weight(problem, start, order)
+    grown = _placed_weight(problem, start, order)
     # a section whose zeros cancel its poles changes nothing: growing never makes it worse
     least, before, gain = growth.fit
-    same = least, add_section(before, np.array([problem.log_x.mean(), 0.0])[:more], np.zeros(more)), gain
+    same = least, _add_section(before, np.array([problem.log_x.mean(), 0.0])[:more], np.zeros(more)), gain
     return replace(grown, fit=min(grown.fit, same, key=lambda fit: fit[0]))
 
 
-def placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> Growth:
+def _placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> _Growth:
     """Return the weight whose sections stand best near a start, by least squares and then by least excess."""
-    theta, log_k = placed = fit_asymmetric(problem, start, order=order, below=BELOW, n_iterations=8)
+    theta, log_k = placed = fit_asymmetric(problem, start, order=order, below=_BELOW, n_iterations=8)
     theta, log_k = polish_by_barrier(
         problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=12
     )
-    return Growth(order=order, placed=placed, fit=(problem.mean_excess(theta, log_k, order), theta, log_k))
+    return _Growth(order=order, placed=placed, fit=(problem.mean_excess(theta, log_k, order), theta, log_k))
 
 
-def add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> np.ndarray:
+def _add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> np.ndarray:
     """Return parameters (of even order) with one more section, its zeros and poles split around those given."""
     zeros, poles = theta.reshape(2, -1)
     return np.concatenate([zeros, section + split, poles, section - split])
 
 
-def starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
+def _starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
     """Return starting parameters: a rational fit of |W|^2, sections spread over the band."""
-    fitted = fit_squared_magnitude(problem, order)
-    return [spread_sections(problem, order)] if fitted is None else [fitted, spread_sections(problem, order)]
+    fitted = _fit_squared_magnitude(problem, order)
+    return [_spread_sections(problem, order)] if fitted is None else [fitted, _spread_sections(problem, order)]
 
 
-def spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
+def _spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
     """Return well damped sections evenly over log frequency, zeros next to poles."""
     half = order // 2
     centres = np.linspace(np.log(problem.x[0]), np.log(problem.x[-1]), half + order % 2 + 2)[1:-1]
@@ -324,7 +324,7 @@ def spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
     return np.concatenate([zeros + 0.1, zeros - 0.1])
 
 
-def fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray | None:
+def _fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray | None:
     """Fit |W|^2, rational in y = -x^2, by vector fitting; take the stable square roots of poles and zeros."""
     scale = np.exp(np.mean(np.log(problem.x)))
     x, power = problem.x / scale, np.exp(2 * (problem.target - problem.target.mean()))
@@ -341,39 +341,42 @@ def fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray |
             return None
     if z.size != order or q.size != order or not (np.isfinite(z).all() and np.isfinite(q).all()):
         return None
-    theta = np.concatenate([parameters_of_square(z), parameters_of_square(q)])
+    theta = np.concatenate([_parameters_of_square(z), _parameters_of_square(q)])
     shift = slope_at_zero(order) > 0
     theta[np.concatenate([shift, shift])] += np.log(scale)
     return problem.clip_sections(theta, order)
 
 
-def parameters_of_square(q: np.ndarray) -> np.ndarray:
+def _parameters_of_square(q: np.ndarray) -> np.ndarray:
     """Return parameters of the stable square roots of q; undamped ones, on the negative axis, get damping."""
     p = -np.sqrt(q.astype(complex))
     p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
     return section_logarithms(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
 
 
-MAX_ORDER = 16
+_MAX_ORDER = 16
 #: Of a weight whose order nobody gave: its states come back in every controller and proof.
 MAX_CHOSEN_ORDER = 12
 STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
 PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
-ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
-MAX_EXACT_ORDER = 8
-LARGEST_STEP, MOST_BETWEEN = 0.1, 20  # of ln(omega) from point to point of a fit, and the most points between two lines
+_ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
+_MAX_EXACT_ORDER = 8
+_LARGEST_STEP, _MOST_BETWEEN = (
+    0.1,
+    20,
+)  # of ln(omega) from point to point of a fit, and the most points between two lines
 #: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
 LEAST_IMPORTANCE = 0.1
-MAX_MEAN_EXCESS_DB = 30.0
-REFINEMENT = 10
-LIFT = 1e-7  # what a parabola between the finest points could still hide
-MAX_POINTS = 1500
-EXACT_DB = 0.005
-DB = 20 / np.log(10)
+_MAX_MEAN_EXCESS_DB = 30.0
+_REFINEMENT = 10
+_LIFT = 1e-7  # what a parabola between the finest points could still hide
+_MAX_POINTS = 1500
+_EXACT_DB = 0.005
+_DB = 20 / np.log(10)
 
 
 @value
-class WeightFit:
+class _WeightFit:
     """A weight over a radius.
 
     Fields
@@ -407,7 +410,7 @@ class WeightFit:
     exact: bool
 
 
-N_COVER, SLOWEST_RATIO = 400, 1 / 30  # points, and the first one as a share of the slowest corner
+_N_COVER, _SLOWEST_RATIO = 400, 1 / 30  # points, and the first one as a share of the slowest corner
 
 
 class WeightOrderError(ValueError):
@@ -421,7 +424,7 @@ def fit_weight(
     order: int | None = None,
     dt: float = 0,
     importance: np.ndarray | None = None,
-) -> WeightFit:
+) -> _WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
     Parameters
@@ -464,31 +467,31 @@ def fit_weight(
     >>> [fit_weight(omega, np.abs(1 / (1 + 0.1j * omega) ** n)).W.nstates for n in (0, 1, 2)]
     [0, 1, 2]
     """
-    demand = checked_demand(omega, radius, require_nonnegative("dt", dt), importance)
+    demand = _checked_demand(omega, radius, require_nonnegative("dt", dt), importance)
     if order is None:
-        fit = choose_weight(demand)
+        fit = _choose_weight(demand)
         order = fit.W.nstates
     else:
         order = require_integer("order", order, least=0)
-        if order > MAX_ORDER:
-            raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
-        fit = best_weight(demand, order)
-    if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
+        if order > _MAX_ORDER:
+            raise ValueError(f"order must be at most {_MAX_ORDER}, got {order}")
+        fit = _best_weight(demand, order)
+    if fit.mean_excess_db < _MAX_MEAN_EXCESS_DB:
         return fit
-    for enough in range(order + 1, MAX_ORDER + 1):
-        if best_weight(demand, enough).mean_excess_db < MAX_MEAN_EXCESS_DB:
+    for enough in range(order + 1, _MAX_ORDER + 1):
+        if _best_weight(demand, enough).mean_excess_db < _MAX_MEAN_EXCESS_DB:
             cure = f"Order {enough} would do."
             break
     else:
-        cure = f"No order up to {MAX_ORDER} would do: is the radius in the unit and range you expect?"
+        cure = f"No order up to {_MAX_ORDER} would do: is the radius in the unit and range you expect?"
     raise WeightOrderError(
-        f"order must be high enough to cover the radius with a mean excess under {MAX_MEAN_EXCESS_DB:g} dB, "
+        f"order must be high enough to cover the radius with a mean excess under {_MAX_MEAN_EXCESS_DB:g} dB, "
         f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
     )
 
 
 @value
-class Demand:
+class _Demand:
     """Lines omega (W,) [rad/s], the radius there, the sampling time [s], and what the lines count for, in all one."""
 
     omega: np.ndarray
@@ -499,7 +502,7 @@ class Demand:
     @property
     def x(self) -> np.ndarray:
         """The lines on the imaginary axis."""
-        return imaginary_axis_frequencies(self.omega, self.dt)
+        return _imaginary_axis_frequencies(self.omega, self.dt)
 
     @property
     def envelope(self) -> np.ndarray:
@@ -512,7 +515,7 @@ class Demand:
         """Return the fit to the lines and to points between them: where lines are sparse, a weight must not bulge."""
         log_w, log_r = np.log(self.omega), np.log(self.radius)
         gaps = np.diff(log_w)
-        n = np.minimum(np.ceil(gaps / LARGEST_STEP), MOST_BETWEEN + 1).astype(int) - 1
+        n = np.minimum(np.ceil(gaps / _LARGEST_STEP), _MOST_BETWEEN + 1).astype(int) - 1
         at = np.repeat(np.arange(n.size), n)  # the line before each point
         part = (np.arange(at.size) - np.repeat(np.cumsum(n) - n, n) + 1) / (n[at] + 1)
         order = np.argsort(np.r_[log_w, log_w[at] + part * gaps[at]], kind="stable")
@@ -520,83 +523,85 @@ class Demand:
         envelope = np.r_[self.envelope, np.maximum(log_r[at], log_r[at + 1])][order]
         share = np.r_[self.share, self.share[at] ** (1 - part) * self.share[at + 1] ** part][order]
         x = np.where(
-            order < log_w.size, self.x[np.minimum(order, log_w.size - 1)], imaginary_axis_frequencies(omega, self.dt)
+            order < log_w.size, self.x[np.minimum(order, log_w.size - 1)], _imaginary_axis_frequencies(omega, self.dt)
         )
         return magnitude_problem(x, envelope, ends=True, share=share / share.sum())
 
 
-def best_weight(demand: Demand, order: int) -> WeightFit:
+def _best_weight(demand: _Demand, order: int) -> _WeightFit:
     """Fit the weight of an order: exact where possible, otherwise of least mean excess found."""
-    if order and (exact := exact_weight(demand, order)):
+    if order and (exact := _exact_weight(demand, order)):
         return exact
     problem = demand.problem()
-    coarse = problem.coarsen(COARSE_POINTS)
-    growth = constant_weight(coarse)
+    coarse = problem.coarsen(_COARSE_POINTS)
+    growth = _constant_weight(coarse)
     while growth.order < order:
-        growth = add_states(coarse, growth, min(2, order - growth.order))
+        growth = _add_states(coarse, growth, min(2, order - growth.order))
     # of an odd order what grew by pairs may be far from the best: a rational fit of |W|^2 is another start
-    starts = starting_parameters(coarse.thin(150), order) if order else []
-    begun = [placed_weight(coarse, start, order) for start in starts]
-    return finished_weight(demand, problem, min([growth, *begun], key=lambda one: one.fit[0]))
+    starts = _starting_parameters(coarse.thin(150), order) if order else []
+    begun = [_placed_weight(coarse, start, order) for start in starts]
+    return _finished_weight(demand, problem, min([growth, *begun], key=lambda one: one.fit[0]))
 
 
-def choose_weight(demand: Demand) -> WeightFit:
+def _choose_weight(demand: _Demand) -> _WeightFit:
     """Fit the weight of the order whose states pay: least mean excess and price of its states together."""
-    fits = list(islice((fit for order in exact_orders(demand) if (fit := exact_weight(demand, order))), 1))
+    fits = list(islice((fit for order in _exact_orders(demand) if (fit := _exact_weight(demand, order))), 1))
     problem = demand.problem()
-    coarse = problem.coarsen(COARSE_POINTS)
-    path = [constant_weight(coarse)]
+    coarse = problem.coarsen(_COARSE_POINTS)
+    path = [_constant_weight(coarse)]
 
-    def price(growth: Growth) -> float:
-        return DB * growth.fit[0] + STATE_PRICE_DB * growth.order
+    def price(growth: _Growth) -> float:
+        return _DB * growth.fit[0] + STATE_PRICE_DB * growth.order
 
     best, most = path[0], fits[0].W.nstates if fits else MAX_CHOSEN_ORDER
     while path[-1].order + 2 <= min(most, price(best) / STATE_PRICE_DB, best.order + 2 * PATIENCE):
-        path.append(add_states(coarse, path[-1], 2))
+        path.append(_add_states(coarse, path[-1], 2))
         best = min(best, path[-1], key=price)
     if best.order:
-        best = min(best, add_states(coarse, path[best.order // 2 - 1], 1), key=price)
-    fits.append(finished_weight(demand, problem, best))
+        best = min(best, _add_states(coarse, path[best.order // 2 - 1], 1), key=price)
+    fits.append(_finished_weight(demand, problem, best))
     return min(fits, key=lambda fit: fit.mean_excess_db + STATE_PRICE_DB * fit.W.nstates)
 
 
-def exact_orders(demand: Demand) -> list[int]:
+def _exact_orders(demand: _Demand) -> list[int]:
     """Return the orders of which the radius may be a weight: a first fit comes near it, as one of high order does."""
     problem = magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True).thin(150)
 
     def is_near(order: int) -> bool:
-        theta = fit_squared_magnitude(problem, order)
+        theta = _fit_squared_magnitude(problem, order)
         if theta is None:
             return True
         error = problem.excess(theta, -problem.mean_excess(theta, 0.0, order), order)[0]
-        return bool(np.abs(error).max() < ROUGH_TOLERANCE)
+        return bool(np.abs(error).max() < _ROUGH_TOLERANCE)
 
-    return [order for order in range(1, MAX_EXACT_ORDER + 1) if is_near(order)] if is_near(MAX_EXACT_ORDER) else []
+    return [order for order in range(1, _MAX_EXACT_ORDER + 1) if is_near(order)] if is_near(_MAX_EXACT_ORDER) else []
 
 
-def exact_weight(demand: Demand, order: int) -> WeightFit | None:
+def _exact_weight(demand: _Demand, order: int) -> _WeightFit | None:
     """Return the weight that the radius is, if it is one of this order."""
     if demand.omega.size < 4 * (2 * order + 1):  # through fewer lines a weight may go by accident
         return None
-    error, theta, _ = least_squares(magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True), order)[0]
-    if error > EXACT_TOLERANCE:
+    error, theta, _ = _least_squares(magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True), order)[
+        0
+    ]
+    if error > _EXACT_TOLERANCE:
         return None
-    fit = verify_and_lift(demand, theta, order, exact=True)
-    return fit if fit.max_excess_db < EXACT_DB else None
+    fit = _verify_and_lift(demand, theta, order, exact=True)
+    return fit if fit.max_excess_db < _EXACT_DB else None
 
 
-def finished_weight(demand: Demand, problem: MagnitudeProblem, growth: Growth) -> WeightFit:
+def _finished_weight(demand: _Demand, problem: MagnitudeProblem, growth: _Growth) -> _WeightFit:
     """Return the weight polished on all lines and verified; never worse than a constant, nor than before."""
     order, (_, theta, log_k) = growth.order, growth.fit
     polished, _ = polish_by_barrier(
-        problem.coarsen(FINE_POINTS),
+        problem.coarsen(_FINE_POINTS),
         theta,
         log_k=log_k,
         order=order,
         barriers=(0.1, 0.02, 0.005, 0.001),
         n_iterations=60,
     )
-    fits = [verify_and_lift(demand, each, order, exact=False) for each in (polished, theta, np.zeros(2 * order))]
+    fits = [_verify_and_lift(demand, each, order, exact=False) for each in (polished, theta, np.zeros(2 * order))]
     return min(fits, key=lambda fit: fit.mean_excess_db)
 
 
@@ -607,13 +612,13 @@ def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
     too little near Nyquist. Over weights of first and second order the excess was at most 0.3 dB.
     """
     corners = np.abs(np.concatenate([weight.poles(), weight.zeros()]))
-    first = np.min(corners[corners > 0], initial=np.pi / dt) * SLOWEST_RATIO
-    omega = np.geomspace(first, np.pi / dt, N_COVER)
+    first = np.min(corners[corners > 0], initial=np.pi / dt) * _SLOWEST_RATIO
+    omega = np.geomspace(first, np.pi / dt, _N_COVER)
     radius = np.abs(response(weight, omega))
     return fit_weight(omega, radius, order=weight.nstates, dt=dt).W
 
 
-def checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance: np.ndarray | None) -> Demand:
+def _checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance: np.ndarray | None) -> _Demand:
     """Return the demand, each part checked."""
     omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
     dt = require_nonnegative("dt", dt)
@@ -635,15 +640,15 @@ def checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance:
             f"{short_form(importance)}"
         )
     share = np.maximum(share, LEAST_IMPORTANCE * share.max())
-    return Demand(omega=omega, radius=radius, dt=dt, share=share / share.sum())
+    return _Demand(omega=omega, radius=radius, dt=dt, share=share / share.sum())
 
 
-def imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
+def _imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
     """Return frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
     return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
 
 
-def verify_and_lift(demand: Demand, theta: np.ndarray, order: int, *, exact: bool) -> WeightFit:
+def _verify_and_lift(demand: _Demand, theta: np.ndarray, order: int, *, exact: bool) -> _WeightFit:
     """Return the weight as a system, lifted until it covers the radius on a finer grid."""
     radius, dt = demand.radius, demand.dt
     shape = from_roots(*map_to_model_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
@@ -651,12 +656,12 @@ def verify_and_lift(demand: Demand, theta: np.ndarray, order: int, *, exact: boo
     needed = np.max(radius / on_lines)
     if not exact:
         low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
-        between = largest_shortfall(demand, theta, order)
+        between = _largest_shortfall(demand, theta, order)
         needed = max(needed, np.max(np.exp(demand.envelope) / on_lines), between, radius[0] / low, radius[-1])
-    gain = float(needed) * (1 + LIFT)
+    gain = float(needed) * (1 + _LIFT)
     W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
-    excess = DB * np.log(on_lines * gain / radius)
-    return WeightFit(
+    excess = _DB * np.log(on_lines * gain / radius)
+    return _WeightFit(
         W=W,
         min_ratio=gain / float(needed),
         max_excess_db=float(excess.max()),
@@ -665,26 +670,26 @@ def verify_and_lift(demand: Demand, theta: np.ndarray, order: int, *, exact: boo
     )
 
 
-def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
+def _magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
     """Return |W| with gain one at infinity."""
     top, bottom = log_sections(x, theta.reshape(2, order), order)[0]
     return np.exp(top - bottom)
 
 
-def largest_shortfall(demand: Demand, theta: np.ndarray, order: int) -> float:
+def _largest_shortfall(demand: _Demand, theta: np.ndarray, order: int) -> float:
     """Return the largest ratio of larger neighbour to |W| between the lines: on a finer grid, then in each dip.
 
     The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
     """
     x, radius = np.log(demand.x), demand.radius
     x[-1] += 10.0 * (demand.omega[-1] * demand.dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
-    fine = (x[:-1, None] + np.linspace(0, 1, REFINEMENT + 1) * np.diff(x)[:, None]).ravel()
-    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MAX_POINTS)]))
+    fine = (x[:-1, None] + np.linspace(0, 1, _REFINEMENT + 1) * np.diff(x)[:, None]).ravel()
+    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], _MAX_POINTS)]))
     target = np.maximum(radius[1:], radius[:-1])
 
     def ratio(points: np.ndarray) -> np.ndarray:
         piece = np.clip(np.searchsorted(x, points, side="right") - 1, 0, target.size - 1)
-        return np.asarray(magnitude_at(theta, order, np.exp(points).ravel()).reshape(points.shape) / target[piece])
+        return np.asarray(_magnitude_at(theta, order, np.exp(points).ravel()).reshape(points.shape) / target[piece])
 
     values = ratio(fine)
     least = float(values.min())
@@ -707,8 +712,8 @@ def minimum_phase(
     if order == 0:
         gain = float(np.exp(np.mean(np.log(d))))
         return control.StateSpace([], [], [], [[gain]], dt), control.StateSpace([], [], [], [[1 / gain]], dt)
-    _, theta, log_k = least_squares(
-        magnitude_problem(imaginary_axis_frequencies(omega, dt), np.log(d), ends=False), order
+    _, theta, log_k = _least_squares(
+        magnitude_problem(_imaginary_axis_frequencies(omega, dt), np.log(d), ends=False), order
     )[0]
     zeros, poles = zeros_and_poles(theta, order)
     gain = float(np.exp(log_k))

@@ -14,7 +14,7 @@ from robust.models.fit.spectral import largest_gains
 from robust.proofs.search.programs import SOLVERS, solve_program
 
 #: Smallest over mean eigenvalue of L and R: weights have an inverse, at a thousandth of the trace.
-EIGENVALUE_FLOOR = 1e-3
+_EIGENVALUE_FLOOR = 1e-3
 
 
 def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
         else:  # a set that is larger than it need be, but a set
             found = [np.eye(2 * n), np.eye(2 * m)]
         halves = (x[: len(x) // 2, : len(x) // 2] + 1j * x[len(x) // 2 :, : len(x) // 2] for x in found)
-        left, right = (raise_eigenvalues((x + x.conj().T) / 2) * size for x in halves)
+        left, right = (_raise_eigenvalues((x + x.conj().T) / 2) * size for x in halves)
         excess = np.max(largest_gains(E, left, right))
         return left * excess, right * excess
 
@@ -64,7 +64,7 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
     return left / traces, right * traces
 
 
-def raise_eigenvalues(X: np.ndarray) -> np.ndarray:
+def _raise_eigenvalues(X: np.ndarray) -> np.ndarray:
     """Return a Hermitian matrix (n, n) with a floor under its eigenvalues."""
     values, vectors = np.linalg.eigh(X)
-    return np.asarray((vectors * np.maximum(values, EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T)
+    return np.asarray((vectors * np.maximum(values, _EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T)

@@ -81,7 +81,7 @@ from robust.models.sets.radius import (
 )
 from robust.models.sets.records import Origin
 
-PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
+_PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
 
 
 @keep_warnings
@@ -251,19 +251,19 @@ def uncertainty(
         systematic=None if systematic is None else require_real("systematic", systematic),
     )
     omega_c = nominal.omega_c if isinstance(nominal, NominalFit) else float("nan")
-    nominal, delay = nominal_of_several_channels(nominal, recorded[0]) if several else nominal_of_one_channel(nominal)
-    dt = sampling_time_of(nominal)
+    nominal, delay = _nominal_of_several_channels(nominal, recorded[0]) if several else _nominal_of_one_channel(nominal)
+    dt = _sampling_time_of(nominal)
     make = partial(UncertaintyModel, nominal=nominal, form=form, perturbation=perturbation)
     if not several:
-        if own := set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
+        if own := _set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
             return make(**own | {"origin": replace(own["origin"], delay=delay)})
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
     many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
-    made = (block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2), omega_c)
+    made = (_block_set if several else _disc_set)(many, nominal, form, rules, order, spec, (W1, W2), omega_c)
     made["origin"] = replace(
         made["origin"],
-        source="; ".join(map(describe_record, many)),
+        source="; ".join(map(_describe_record, many)),
         delay=delay,
         omega_c=omega_c,
         hold=many[0].hold if len({one.hold for one in many}) == 1 else "unknown",
@@ -277,12 +277,12 @@ def uncertainty(
         inputs=many[0].inputs,
         outputs=many[0].outputs,
     )
-    warn_of_radius(model)
+    _warn_of_radius(model)
     return attach_records(model, many, recorded)
 
 
 #: What makes a radius of each of its parts smaller.
-CURES = {
+_CURES = {
     "noise": "more periods average noise",
     "odd": "another level, or more realisations, change odd distortion",
     "even": "an offset or an asymmetry makes even distortion",
@@ -292,7 +292,7 @@ CURES = {
 }
 
 
-def warn_of_radius(model: UncertaintyModel) -> None:
+def _warn_of_radius(model: UncertaintyModel) -> None:
     """Warn of a radius of one or more below the crossover that the nominal was fitted for."""
     relative, crossover = model.relative_radius(), model.origin.omega_c
     over = (model.omega <= crossover) & (relative >= 1)
@@ -303,12 +303,12 @@ def warn_of_radius(model: UncertaintyModel) -> None:
     data_warning(
         f"the radius of the set reaches {relative[k]:.3g} of |G| below the crossover of {format_hertz(crossover)}, at "
         f"{format_hertz(model.omega[k])}: no loop "
-        f"with that bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {CURES[shares[0][1]]}",
+        f"with that bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {_CURES[shares[0][1]]}",
         DesignWarning,
     )
 
 
-class SetFields(TypedDict, total=False):
+class _SetFields(TypedDict, total=False):
     """Radius, weights and origin of a set, by the names of its fields."""
 
     omega: np.ndarray
@@ -321,7 +321,7 @@ class SetFields(TypedDict, total=False):
     origin: Origin
 
 
-def disc_set(
+def _disc_set(
     many: list[Bla],
     nominal: control.StateSpace | control.FrequencyResponseData,
     form: str,
@@ -330,9 +330,9 @@ def disc_set(
     spec: RadiusSpec,
     scaling: Scaling,
     omega_c: float,
-) -> SetFields:
+) -> _SetFields:
     """Return radius, its parts and weight of a set of one channel, in the unit of its form."""
-    row, dt = FORMS[form], sampling_time_of(nominal)
+    row, dt = FORMS[form], _sampling_time_of(nominal)
     omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
@@ -351,12 +351,12 @@ def disc_set(
         "omega": omega,
         "radius": absolute * factor,
         "budget": {name: part * factor for name, part in parts.items() if np.isfinite(part).any()},
-        "scaling": given_scaling(W1, W2),
+        "scaling": _given_scaling(W1, W2),
         "origin": Origin(extrapolation=str(rules)),
     }
 
 
-def block_set(
+def _block_set(
     frms: list[Bla],
     nominal: control.StateSpace,
     form: str,
@@ -365,7 +365,7 @@ def block_set(
     spec: RadiusSpec,
     scaling: Scaling,
     omega_c: float,
-) -> SetFields:
+) -> _SetFields:
     """Return radii and weights of a set of several channels; the assumption outside the band applies to W_l only."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
@@ -383,7 +383,7 @@ def block_set(
             row,
             order=order,
             rules=rule,
-            dt=sampling_time_of(nominal),
+            dt=_sampling_time_of(nominal),
             importance=target_loop(omega, omega_c),
         )
         for row, rule in zip(radius, each, strict=True)
@@ -394,32 +394,32 @@ def block_set(
         "budget": budget,
         "left": weights[:n],
         "right": weights[n:],
-        "scaling": given_scaling(*scaling),
+        "scaling": _given_scaling(*scaling),
         "origin": Origin(extrapolation=str(rules)),
     }
 
 
-def given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
+def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     """Return W1 and W2 as a set takes them: none where neither is given."""
     return scaling if any(W is not None for W in scaling) else ()
 
 
-def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
+def _sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
     """Return the sampling time [s] of a nominal, 0 of an FRF."""
     return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
-def nominal_of_one_channel(
+def _nominal_of_one_channel(
     nominal: control.StateSpace | control.FrequencyResponseData,
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
     """Return the nominal of one channel with its delay inside, and that delay [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
-        nominal, delay = delayed(nominal.G, nominal.delay, order=PADE_ORDER), nominal.delay
+        nominal, delay = delayed(nominal.G, nominal.delay, order=_PADE_ORDER), nominal.delay
     return nominal if isinstance(nominal, control.FrequencyResponseData) else state_space("nominal", nominal), delay
 
 
-def nominal_of_several_channels(
+def _nominal_of_several_channels(
     nominal: control.StateSpace | control.FrequencyResponseData, frm: Bla
 ) -> tuple[control.StateSpace, float]:
     """Return the nominal of several channels with the delay of each input inside, and the longest of them [s]."""
@@ -431,7 +431,7 @@ def nominal_of_several_channels(
         if delays is not None and np.any(delays):
             delay = float(np.max(delays))
             through = control.StateSpace([], [], [], [[1.0]], G.dt)
-            each = [delayed(through, float(tau), order=PADE_ORDER_PER_INPUT) for tau in delays]
+            each = [delayed(through, float(tau), order=_PADE_ORDER_PER_INPUT) for tau in delays]
             nominal = in_series(block_diagonal(each, G.dt), G)
     nominal = multivariable("nominal", nominal)
     if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
@@ -442,7 +442,7 @@ def nominal_of_several_channels(
     return nominal, delay
 
 
-def describe_record(bla: Bla) -> str:
+def _describe_record(bla: Bla) -> str:
     """Describe a record."""
     lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
     made = bla.experiment
@@ -455,7 +455,7 @@ def describe_record(bla: Bla) -> str:
     return f"{design}{made.grid} multisine, {lines}, {drawn} x {made.n_periods} periods, level from {bla.level_source}"
 
 
-def radius_of_user(
+def _radius_of_user(
     given: object, nominal: control.StateSpace | control.FrequencyResponseData, form: Form
 ) -> tuple[np.ndarray, np.ndarray, str] | None:
     """Return frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
@@ -476,7 +476,7 @@ def radius_of_user(
         return omega, radius, "a radius that was given"
     if not all(is_plant(part) for part in many):
         raise ValueError("bla must be all plants (FRFs or systems), or (omega, radius), where the radius is your own")
-    lines = frequencies_of_plants(many, nominal)
+    lines = _frequencies_of_plants(many, nominal)
     each, differs = [], False
     for plant in many:
         omega, G = frequency_response("bla", plant, lines, (nominal, *many))
@@ -499,7 +499,7 @@ def radius_of_user(
     )
 
 
-def frequencies_of_plants(
+def _frequencies_of_plants(
     many: Sequence[object], nominal: control.StateSpace | control.FrequencyResponseData
 ) -> np.ndarray:
     """Return all frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
@@ -513,7 +513,7 @@ def frequencies_of_plants(
     return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
 
 
-def set_of_user(
+def _set_of_user(
     given: object,
     nominal: control.StateSpace | control.FrequencyResponseData,
     *,
@@ -522,9 +522,9 @@ def set_of_user(
     dt: float,
     order: int | None,
     spec: RadiusSpec,
-) -> SetFields:
+) -> _SetFields:
     """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
-    found = radius_of_user(given, nominal, form)
+    found = _radius_of_user(given, nominal, form)
     if found is None:
         return {}
     if spec.simultaneous or spec.systematic is not None:
@@ -545,7 +545,7 @@ def set_of_user(
         if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
             break
         for plant, one in zip(systems, bounds, strict=True):
-            covered = cover_plant(covered, plant, nominal, form, one.omega)
+            covered = _cover_plant(covered, plant, nominal, form, one.omega)
     if not lift < MAX_LIFT:
         raise ValueError(
             f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
@@ -560,7 +560,7 @@ def set_of_user(
     }
 
 
-def cover_plant(
+def _cover_plant(
     covered: tuple[np.ndarray, np.ndarray],
     plant: control.StateSpace,
     nominal: control.StateSpace,

@@ -28,8 +28,8 @@ from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, t
 from robust.lti.realisation import state_space
 from robust.lti.truncation import gramian_root
 
-HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
-FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
+_HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
+_FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
 
 
 def invertible_scaling(
@@ -86,7 +86,7 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
 
     Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
     """
-    A, B, C, D = scaled_continuous_plant(G)
+    A, B, C, D = _scaled_continuous_plant(G)
     R = np.eye(G.ninputs) + D.T @ D
     X = stabilising_riccati(A, B, Q=C.T @ C, R=R, S=C.T @ D)
     if X is None:
@@ -99,17 +99,17 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
     return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
 
 
-def scaled_continuous_plant(G: control.StateSpace) -> Matrices:
+def _scaled_continuous_plant(G: control.StateSpace) -> Matrices:
     """Return the plant in continuous time and well scaled."""
-    return scale_states(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+    return _scale_states(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
 
 
-def scale_states(matrices: Matrices) -> Matrices:
+def _scale_states(matrices: Matrices) -> Matrices:
     """Scale the states of a system: in a companion form the Riccati equation may be ill-conditioned."""
     A, B, C, D = matrices
     if not A.size:
         return matrices
-    weights = balance_matrix(bordered_matrix(A, B, C))[
+    weights = balance_matrix(_bordered_matrix(A, B, C))[
         1
     ]  # an entry at rounding level says nothing of the size of its state
     units = weights[: len(A)] / weights[-1]
@@ -118,7 +118,7 @@ def scale_states(matrices: Matrices) -> Matrices:
     return A, B * size, C / size, D
 
 
-def bordered_matrix(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+def _bordered_matrix(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return [A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
     b, c = np.linalg.norm(B, axis=1, keepdims=True), np.linalg.norm(C, axis=0, keepdims=True)
     return np.block([[A, b], [c, np.zeros((1, 1))]])
@@ -140,36 +140,36 @@ def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray
     to the last bit, and what rounding is left shows in N/M, which is held against the plant.
     """
     factors, X = coprime_factors("nominal", G)
-    A, C = output_normal_form(factors, X)
+    A, C = _output_normal_form(factors, X)
     D = np.array([[factors[3][0, 0], factors[3][1, 0]], [factors[3][1, 0], -factors[3][0, 0]]])
     A, B = (A - A.T - C.T @ C) / 2, -C.T @ D
     made = (A, B[:, :1], C, D[:, :1])
-    require_exact_factors(G, made, np.linalg.eigvals(factors[0]))
+    _require_exact_factors(G, made, np.linalg.eigvals(factors[0]))
     return made, B[:, 1:], D[:, 1:]
 
 
-def output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return A and C of the factors in states of unit Gramian, by way of balanced ones, without hidden modes."""
     A, B, C, _ = factors
     if not A.size:
         return A, C
     reached, seen = gramian_root(solve_continuous_lyapunov(A, -B @ B.T)), gramian_root(X)
     U, sizes, V = np.linalg.svd(seen.T @ reached)
-    kept = int(np.sum(sizes > HIDDEN_MODE_RATIO * sizes.max(initial=0.0)))
+    kept = int(np.sum(sizes > _HIDDEN_MODE_RATIO * sizes.max(initial=0.0)))
     forth, back = U[:, :kept].T @ seen.T, reached @ V[:kept].T / sizes[:kept]
     return forth @ A @ back, C @ back
 
 
-def require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
+def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
     """Refuse factors whose quotient is not the plant: what would be made of them lies outside of its set."""
     if not poles.size:
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
     x = np.geomspace(1e-2 * slow, 1e2 * fast, 200)
-    plant = replace_infinite(evaluate_transfer(*scaled_continuous_plant(G), 1j * x)[:, 0, 0])
+    plant = replace_infinite(evaluate_transfer(*_scaled_continuous_plant(G), 1j * x)[:, 0, 0])
     N, M = np.moveaxis(evaluate_transfer(*factors, 1j * x)[:, :, 0], 0, 1)
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
-    if not off <= FACTOR_TOLERANCE:
+    if not off <= _FACTOR_TOLERANCE:
         raise ValueError(
             f"nominal must be one whose coprime factors floating point can tell, got factors off by {off:.2g} "
             "(numerical failure). Other units or fewer states may help"
@@ -195,7 +195,7 @@ def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> 
 def tangent_system(w: control.StateSpace) -> control.StateSpace:
     """Return a stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
     dt = timebase(w)
-    A, B, C, D = scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
+    A, B, C, D = _scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
     # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
     Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:

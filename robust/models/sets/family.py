@@ -35,13 +35,13 @@ from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
 
-WEIGHTS = DIAGONAL, FULL = ("diagonal", "full")
-N_LINES, BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far they go beyond it
-HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
-MAX_LINES = 160
-FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # how far outside the band of all poles members are looked at, too
-MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
-MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
+_WEIGHTS = DIAGONAL, _FULL = ("diagonal", "full")
+_N_LINES, _BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far they go beyond it
+_HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
+_MAX_LINES = 160
+_FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # how far outside the band of all poles members are looked at, too
+_MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
+_MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
 MAX_ROUNDS = 3  # of adding the frequencies where a member lies outside between the lines
 CLOSE_LIFT = 1.02  # what remains is then lifted
 LIFT = 1 + 1e-6  # beyond what is proved to be enough, for the rounding of weights that are lifted
@@ -49,12 +49,12 @@ FAMILY_ORDER = 4  # of the weights, when none is given
 TOLERANCE = 1e-3  # between both bounds of how far a member lies out
 MAX_LIFT = 1.5  # more says that no proper weight of the order holds the deviations
 #: Poles of a nominal that is found; the first whose misfit is below this share of the spread of the family.
-NOMINAL_ORDERS, MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
-MIN_SPREAD = 1e-3  # of the largest entry on a line, which a spread counts as at least
+_NOMINAL_ORDERS, _MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
+_MIN_SPREAD = 1e-3  # of the largest entry on a line, which a spread counts as at least
 
 
 @value
-class Family:
+class _Family:
     """Members and nominal of a family on common lines, with the systems among them.
 
     Fields
@@ -89,16 +89,16 @@ class Family:
         require_equal_roots(form, (self.nominal, *self.systems), inverse=row.inverse)
         if row.needs_square_plant:
             known = np.where(np.isnan(self.G_p), self.G, self.G_p)
-            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < MAX_CONDITION, axis=0)
+            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < _MAX_CONDITION, axis=0)
             if singular.any():
                 raise ValueError(
                     f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "
                     f"{self.omega[singular.argmax()]:.4g} rad/s"
                 )
-        E = between_lines(row.deviation(self.G_p, self.G), self.omega)
-        ends, members, nominal = decided_responses(form, self, self.ends)
+        E = _between_lines(row.deviation(self.G_p, self.G), self.omega)
+        ends, members, nominal = _decided_responses(form, self, self.ends)
         far = row.deviation(members, nominal) if ends.size else np.zeros(0)
-        if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > MAX_RISE * np.abs(E).max():
+        if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > _MAX_RISE * np.abs(E).max():
             raise ValueError(
                 f"form must leave every deviation finite at all frequencies, got {form}, in which one is not"
             )
@@ -108,27 +108,27 @@ class Family:
     def ends(self) -> np.ndarray:
         """Return frequencies [rad/s] far outside the lines, below the Nyquist frequency."""
         dt = timebase(self.nominal)
-        ends = np.concatenate([self.omega[0] / FAR_RATIOS, self.omega[-1] * FAR_RATIOS])
+        ends = np.concatenate([self.omega[0] / _FAR_RATIOS, self.omega[-1] * _FAR_RATIOS])
         return ends[ends < np.pi / dt] if dt else ends
 
 
-def decided_responses(form: str, family: Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _decided_responses(form: str, family: _Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the frequencies at which rounding leaves the deviations of systems, with members and nominal there.
 
     Far outside the band a plant may be as good as singular, and what its inverse would say is rounding.
     """
     shape = (len(family.systems), omega.size, *family.G.shape[1:])
-    members = np.array([on_lines(system, omega) for system in family.systems]).reshape(shape)
-    nominal = on_lines(family.nominal, omega)
+    members = np.array([_on_lines(system, omega) for system in family.systems]).reshape(shape)
+    nominal = _on_lines(family.nominal, omega)
     if form != ELEMENTS and BLOCK_FORMS[form].needs_square_plant:
         with np.errstate(all="ignore"):
-            decided = np.all(np.linalg.cond(np.concatenate([nominal[None], members])) < MAX_CONDITION, axis=0)
+            decided = np.all(np.linalg.cond(np.concatenate([nominal[None], members])) < _MAX_CONDITION, axis=0)
         omega, members, nominal = omega[decided], members[:, decided], nominal[decided]
     return omega, members, nominal
 
 
 @value
-class FormRanking:
+class _FormRanking:
     """Forms of uncertainty for a family, the best first; `best` is that one.
 
     Fields
@@ -149,7 +149,7 @@ class FormRanking:
 
     Examples
     --------
-    >>> print(FormRanking(omega_B=1.0, forms=("output", "additive"), measures=[0.3, 0.8], omega=[2.0, 1.0]))
+    >>> print(_FormRanking(omega_B=1.0, forms=("output", "additive"), measures=[0.3, 0.8], omega=[2.0, 1.0]))
     output    0.300 at 2 rad/s
     additive  0.800 at 1 rad/s
     """
@@ -177,7 +177,7 @@ def choose_form(
     *,
     omega_B: float,
     weights: str = DIAGONAL,
-) -> FormRanking:
+) -> _FormRanking:
     """Rank the forms of uncertainty for a family of plants by what they ask of a loop of given bandwidth.
 
     Parameters
@@ -213,11 +213,11 @@ def choose_form(
     >>> choose_form(plants, G, omega_B=1.0).best
     'output'
     """
-    family = make_family(plants, nominal)
-    return rank_forms(family, require_positive("omega_B", omega_B), full=is_full(weights))
+    family = _make_family(plants, nominal)
+    return _rank_forms(family, require_positive("omega_B", omega_B), full=is_full(weights))
 
 
-def rank_forms(family: Family, omega_B: float, *, full: bool) -> FormRanking:
+def _rank_forms(family: _Family, omega_B: float, *, full: bool) -> _FormRanking:
     """Return `choose_form` of a family on its lines."""
     s = 1j * family.omega / omega_B
     S, T = ((x[:, None, None] * np.eye(family.G.shape[1])) for x in (s / (1 + s), 1 / (1 + s)))
@@ -237,7 +237,7 @@ def rank_forms(family: Family, omega_B: float, *, full: bool) -> FormRanking:
         raise ValueError(f"plants must have a set in one of the forms, got none: {'; '.join(refused)}")
     found.sort()  # of equal ones the form whose weight is flattest comes first
     _, _, forms, measures, at = zip(*found, strict=True)
-    return FormRanking(
+    return _FormRanking(
         omega_B=omega_B,
         forms=forms,
         measures=np.array(measures),
@@ -248,7 +248,7 @@ def rank_forms(family: Family, omega_B: float, *, full: bool) -> FormRanking:
 
 def is_full(weights: str) -> bool:
     """Return whether the weights are to be matrices, of the argument of that name."""
-    return require_choice("weights", weights, WEIGHTS) == FULL
+    return require_choice("weights", weights, _WEIGHTS) == _FULL
 
 
 def is_plant(part: object) -> bool:
@@ -256,7 +256,7 @@ def is_plant(part: object) -> bool:
     return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
 
 
-def is_matrix_plant(part: object) -> bool:
+def _is_matrix_plant(part: object) -> bool:
     """Return whether it is a system or an FRF of several inputs or outputs."""
     return is_plant(part) and count_channels(part) != (1, 1)
 
@@ -264,15 +264,15 @@ def is_matrix_plant(part: object) -> bool:
 def find_family(given: object) -> list[AnySystem]:
     """Return the plants of several channels that were given, one or many; none if it is anything else."""
     many = list(given) if isinstance(given, list | tuple) else [given]
-    if not any(map(is_matrix_plant, many)):
+    if not any(map(_is_matrix_plant, many)):
         return []
-    other = next((one for one in many if not is_matrix_plant(one)), None)
+    other = next((one for one in many if not _is_matrix_plant(one)), None)
     if other is not None:
         raise ValueError(f"bla must be all plants of several channels (systems or FRFs), got {short_form(other)}")
     return many
 
 
-def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Family:
+def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Family:
     """Return the family on its lines: those of its FRFs, which have to be the same, else those of its poles."""
     many = find_family(plants)
     if not many:
@@ -280,7 +280,7 @@ def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Famil
     shape = count_channels(many[0])
     frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]
     systems = [multivariable("bla", plant) for plant in many if not isinstance(plant, control.FrequencyResponseData)]
-    given = None if nominal is None else nominal_system(nominal)
+    given = None if nominal is None else _nominal_system(nominal)
     known = systems if given is None else [given, *systems]
     dt = timebase(known[0]) if known else float(frfs[0].dt or 0)
     if frfs:
@@ -288,19 +288,19 @@ def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Famil
         if any(len(frf.omega) != omega.size or not np.allclose(frf.omega, omega, rtol=1e-9) for frf in frfs):
             raise ValueError("bla must be FRFs on the same lines, got others: interpolate them first")
     else:
-        omega = lines_of_systems(known)
-    G_p = members_on_lines([*frfs, *systems], omega, tuple(known), shape)
+        omega = _lines_of_systems(known)
+    G_p = _members_on_lines([*frfs, *systems], omega, tuple(known), shape)
     if given is None:
-        given = find_nominal(G_p, omega, dt)
+        given = _find_nominal(G_p, omega, dt)
     if count_channels(given) != shape:
         raise ValueError(
             f"nominal must have {shape[0]} outputs and {shape[1]} inputs as the plants, "
             f"got {given.noutputs} and {given.ninputs}"
         )
-    return Family(omega=omega, G_p=G_p, G=on_lines(given, omega), nominal=given, systems=tuple(systems))
+    return _Family(omega=omega, G_p=G_p, G=_on_lines(given, omega), nominal=given, systems=tuple(systems))
 
 
-def nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
+def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
     """Return a nominal that was given as a system."""
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
@@ -309,19 +309,19 @@ def nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
     return multivariable("nominal", nominal)
 
 
-def members_on_lines(
+def _members_on_lines(
     many: Sequence[AnySystem], omega: np.ndarray, clocks: tuple[AnySystem, ...], shape: tuple[int, int]
 ) -> np.ndarray:
     """Return (M, W, n_y, n_u) responses of the members."""
     return np.array([np.moveaxis(frequency_response("bla", plant, omega, clocks, shape)[1], 2, 0) for plant in many])
 
 
-def on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def _on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Return (W, n_y, n_u) response."""
     return np.moveaxis(response_by_channel(system, omega), 2, 0)
 
 
-def lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
+def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
     """Return frequencies (W,) [rad/s] over the band of all poles and beyond, close at each resonance."""
     dt = max(map(timebase, systems))
     s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
@@ -330,25 +330,25 @@ def lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
     size = size[(size > np.median(size) * 1e-6) & (size < np.median(size) * 1e6)]
     top = np.pi / dt * (1 - 1e-9) if dt else np.inf
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
-    at = (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * HALF_WIDTHS).ravel()
-    at = np.sort(at)[:: max(1, at.size // (MAX_LINES - N_LINES) + 1)] if at.size > MAX_LINES - N_LINES else at
-    low, high = size.min() / BAND_RATIO, min(size.max() * BAND_RATIO, top)
-    omega = np.concatenate([np.geomspace(low, high, N_LINES), at])
+    at = (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * _HALF_WIDTHS).ravel()
+    at = np.sort(at)[:: max(1, at.size // (_MAX_LINES - _N_LINES) + 1)] if at.size > _MAX_LINES - _N_LINES else at
+    low, high = size.min() / _BAND_RATIO, min(size.max() * _BAND_RATIO, top)
+    omega = np.concatenate([np.geomspace(low, high, _N_LINES), at])
     return np.unique(omega[(omega >= low) & (omega <= high)])
 
 
-def find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.StateSpace:
+def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.StateSpace:
     """Fit the mean response of the members by the lowest order whose misfit is small beside their spread."""
     mean = G_p.mean(axis=0)
     spread = np.abs(G_p - mean).max(axis=0)
     spread = np.maximum(
-        spread, MIN_SPREAD * np.abs(mean).max(axis=(1, 2), keepdims=True)
+        spread, _MIN_SPREAD * np.abs(mean).max(axis=(1, 2), keepdims=True)
     )  # of an entry that is zero, too
     rows, columns = spread.max(axis=2, keepdims=True), spread.max(axis=1, keepdims=True)
-    std = np.moveaxis(MISFIT_SHARE * rows * columns / rows.max(axis=1, keepdims=True), 0, 2)
+    std = np.moveaxis(_MISFIT_SHARE * rows * columns / rows.max(axis=1, keepdims=True), 0, 2)
     best: control.StateSpace | None = None
     least = np.inf
-    for n in NOMINAL_ORDERS:
+    for n in _NOMINAL_ORDERS:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DataWarning)  # of an order that is tried
@@ -362,10 +362,10 @@ def find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.State
             break
     if best is None:
         raise ValueError(f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one")
-    if least > 1 / MISFIT_SHARE:
+    if least > 1 / _MISFIT_SHARE:
         data_warning(
             f"nominal must be near the middle of the plants for a small set, and the one that was found is "
-            f"{MISFIT_SHARE * least:.2g} times their spread away from it: give one",
+            f"{_MISFIT_SHARE * least:.2g} times their spread away from it: give one",
             DesignWarning,
         )
     return best
@@ -383,7 +383,7 @@ def make_family_set(
     omega_B: float | None,
 ) -> UncertaintyModel:
     """Return the set of a family, in the form that was asked for or in the one of the smallest measure."""
-    family, full, chosen = make_family(plants, nominal), is_full(weights), ""
+    family, full, chosen = _make_family(plants, nominal), is_full(weights), ""
     if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
     if form in (AUTO, DEFAULT_FORM):
@@ -392,7 +392,7 @@ def make_family_set(
             if omega_B is None
             else require_positive("omega_B", omega_B)
         )
-        ranking = rank_forms(family, bandwidth, full=full)
+        ranking = _rank_forms(family, bandwidth, full=full)
         form = ranking.best
         chosen = f"; of {len(ranking.forms)} forms that of the least weight times |T| or |S| at {bandwidth:.3g} rad/s"
     require_choice("form", form, (*MATRIX_FORMS, AUTO))
@@ -400,7 +400,7 @@ def make_family_set(
         raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
     if family.is_parametric:
         rules = Extrapolation()
-    hold = partial(hold_family, family, form, order=order, rules=rules, perturbation=perturbation, chosen=chosen)
+    hold = partial(_hold_family, family, form, order=order, rules=rules, perturbation=perturbation, chosen=chosen)
     if not full:
         return hold(full=False)
     try:
@@ -411,24 +411,24 @@ def make_family_set(
         return model
 
 
-def hold_family(
-    family: Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str, chosen: str
+def _hold_family(
+    family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str, chosen: str
 ) -> UncertaintyModel:
     """Return a set of a form that holds every member, or a refusal where weights of the order are too far off."""
     for round_ in range(MAX_ROUNDS):
-        model = fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
-        reach = reach_of_members(model, family)
+        model = _fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
+        reach = _reach_of_members(model, family)
         outside = reach.sizes > CLOSE_LIFT
         if not outside.any() or round_ == MAX_ROUNDS - 1:
             break
-        family = add_lines(family, reach.omega[outside])
+        family = _add_lines(family, reach.omega[outside])
     lift, at = float(reach.sizes.max()), float(reach.omega[reach.sizes.argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
             f"form and order must leave stable proper weights over every deviation, got {form} of order {order} with a "
             f"plant {lift:.3g} times as far from the nominal as they reach, at {at:.3g} rad/s"
         )
-    return lift_set(
+    return _lift_set(
         model,
         max(lift, 1.0) * LIFT,
         source=f"{len(family.G_p)} plants that were given, {reach.where}{chosen}",
@@ -436,30 +436,30 @@ def hold_family(
     )
 
 
-def add_lines(family: Family, omega: np.ndarray) -> Family:
+def _add_lines(family: _Family, omega: np.ndarray) -> _Family:
     """Return a family on more lines, on which nothing is known of its FRFs."""
     lines, n = np.unique(np.concatenate([family.omega, omega])), len(family.G_p) - len(family.systems)
     G_p = np.full((len(family.G_p), lines.size, *family.G.shape[1:]), np.nan, dtype=complex)
     G_p[:n, np.searchsorted(lines, family.omega)] = family.G_p[:n]
     for k, system in enumerate(family.systems):
-        G_p[n + k] = on_lines(system, lines)
-    return replace(family, omega=lines, G_p=G_p, G=on_lines(family.nominal, lines))
+        G_p[n + k] = _on_lines(system, lines)
+    return replace(family, omega=lines, G_p=G_p, G=_on_lines(family.nominal, lines))
 
 
-def between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
+def _between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Return deviations (M, W, n, m) with that of the nearest line where nothing is known of a member."""
     known = ~np.isnan(E).any(axis=(2, 3))
     nearest = [np.flatnonzero(row)[np.abs(omega[row] - omega[:, None]).argmin(axis=1)] for row in known]
     return np.array([member[at] for member, at in zip(E, nearest, strict=True)])
 
 
-def fit_set(
-    family: Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
+def _fit_set(
+    family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
 ) -> UncertaintyModel:
     """Return the set with weights over the smallest ones on the lines; the assumption outside them is of W_l."""
     dt, omega = timebase(family.nominal), family.omega
     if form == ELEMENTS:
-        away = np.abs(between_lines(family.G_p - family.G, omega)).max(axis=0)
+        away = np.abs(_between_lines(family.G_p - family.G, omega)).max(axis=0)
         rows = away.transpose(2, 1, 0).reshape(-1, omega.size)
         rows = np.maximum(rows, MIN_RADIUS_RATIO * rows.max())
         right = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows)
@@ -480,7 +480,7 @@ def fit_set(
     rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
     n = L.shape[1]
     if full:
-        lines, nearest, factor = extend_lines(omega, rules, dt)
+        lines, nearest, factor = _extend_lines(omega, rules, dt)
         W_l, W_r = fit_matrix_weights(
             lines,
             E[:, nearest] * factor[:, None, None],
@@ -490,7 +490,7 @@ def fit_set(
             dt=dt,
         )
         left, right = (W_l,), (W_r,)
-        rows = np.minimum(rows, gains_of_weights(W_l, W_r, omega))
+        rows = np.minimum(rows, _gains_of_weights(W_l, W_r, omega))
     else:
         left = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows[:n])
         right = tuple(fit_covering_weight(omega, row, order=order, rules=Extrapolation(), dt=dt) for row in rows[n:])
@@ -499,7 +499,7 @@ def fit_set(
     )
 
 
-def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return lines continued outside the band, the nearest one to each, and how much larger a deviation is there.
 
     As they are where the rule is flat, as the fit is by itself.
@@ -511,14 +511,14 @@ def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np
     return wide, nearest, factor
 
 
-def gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def _gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Return (n + m, W) gains of the rows of W_l and of the columns of W_r."""
     sides = (response_by_channel(W, omega) for W in (W_l, W_r))
     return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
 
 
 @value
-class Reach:
+class _Reach:
     """How far a set has to reach for each member (M,), where [rad/s] (M,), and in words where that was looked at."""
 
     sizes: np.ndarray
@@ -526,7 +526,7 @@ class Reach:
     where: str
 
 
-def reach_of_members(model: UncertaintyModel, family: Family) -> Reach:
+def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
     """Return the largest Delta of each member: of an FRF on its lines, of a system proved at all frequencies."""
     n, known = len(family.G_p) - len(family.systems), ~np.isnan(family.G_p)
     far = model.normalized_distance(family.omega, np.where(known, family.G_p, family.G), family.G)
@@ -539,10 +539,10 @@ def reach_of_members(model: UncertaintyModel, family: Family) -> Reach:
             sizes[k], omega[k] = largest.upper if largest.is_proved else largest.lower, largest.omega
         at = "all" if largest.is_proved else f"{family.omega.size}"
         where.add(f"systems at {at} frequencies{f' ({largest.reason})' * (not largest.is_proved)}")
-    return Reach(sizes=sizes, omega=omega, where=f"each inside, {' and '.join(sorted(where))}")
+    return _Reach(sizes=sizes, omega=omega, where=f"each inside, {' and '.join(sorted(where))}")
 
 
-def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
+def _lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
     """Return a set that is larger by a factor, with its source and extrapolation."""
     raised = tuple(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)

@@ -128,7 +128,7 @@ class Form:
         return size / (1 + w), np.where(w < 1, size / np.abs(1 - w), np.inf)
 
 
-def no_radius_limit(center: Array) -> Array:
+def _no_radius_limit(center: Array) -> Array:
     """Return an infinite limit (W,): the form has a radius for any disc."""
     return np.full(center.shape, np.inf)
 
@@ -143,7 +143,7 @@ FORMS = {
             perturbed_system=lambda G, w, D: in_series(one_plus(in_series(D, w)), G),
             deviation=lambda G_p, G: (G_p - G) / G,
             radius_scale=lambda center, absolute: 1 / center,
-            radius_limit=no_radius_limit,
+            radius_limit=_no_radius_limit,
             a=lambda w, G, K, S: np.zeros_like(S),
             b=lambda w, G, K, S: w * G * K * S,
             relative_weight=lambda w, size: w,
@@ -160,7 +160,7 @@ FORMS = {
             perturbed_system=lambda G, w, D: in_parallel(G, in_series(D, w)),
             deviation=lambda G_p, G: G_p - G,
             radius_scale=lambda center, absolute: np.ones(center.size),
-            radius_limit=no_radius_limit,
+            radius_limit=_no_radius_limit,
             a=lambda w, G, K, S: np.zeros_like(S),
             b=lambda w, G, K, S: w * K * S,
             relative_weight=lambda w, size: w / np.maximum(size, 1e-300),

@@ -25,7 +25,7 @@ from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS
 
 #: What lets a block read an input of a plant that no system drives, as in an open loop.
-PASS_ON = (
+_PASS_ON = (
     ", which no system drives: add control.ss([], [], [], [[1]], inputs='{0}_in', outputs='{0}') to the systems, and "
     "'{0}_in' to the inputs"
 )
@@ -72,7 +72,7 @@ class Block:
         require_choice("kind", self.kind, KINDS)
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
         for name in ("reads", "drives"):
-            object.__setattr__(self, name, checked_signals(name, getattr(self, name)))
+            object.__setattr__(self, name, _checked_signals(name, getattr(self, name)))
         if self.kind != "full" and len(self.reads) != len(self.drives):
             raise ValueError(f"drives must name as many signals as reads for a {self.kind} block, {len(self.reads)}")
         size = multivariable("size", self.size)
@@ -89,7 +89,7 @@ class Block:
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
 
-def checked_signals(name: str, given: object) -> tuple[str, ...]:
+def _checked_signals(name: str, given: object) -> tuple[str, ...]:
     """Return signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
@@ -225,7 +225,7 @@ def interconnection(
         raise ValueError(f"systems must hold at least one system, as a list, got {short_form(systems)}")
     if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
         raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {short_form(blocks)}")
-    inputs, outputs = checked_signals("inputs", inputs), checked_signals("outputs", outputs)
+    inputs, outputs = _checked_signals("inputs", inputs), _checked_signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")
     parts = [multivariable(f"systems[{k}]", system) for k, system in enumerate(systems)]
@@ -235,7 +235,7 @@ def interconnection(
     named_out = [label for part in parts for label in part.output_labels]
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
-    require_known_signals(named_in, named_out, read=read, external=external)
+    _require_known_signals(named_in, named_out, read=read, external=external)
     N = join_by_name(parts, (), external=external, looked_at=read)
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
@@ -243,13 +243,13 @@ def interconnection(
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
 
-def require_known_signals(named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]) -> None:
+def _require_known_signals(named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]) -> None:
     """Refuse signals nobody has, and inputs nobody drives."""
     for label in read:
         if label not in named_out:
             raise ValueError(
                 f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got {label!r}"
-                + (PASS_ON.format(label) if label in named_in else "")
+                + (_PASS_ON.format(label) if label in named_in else "")
             )
     for label in external:
         if label not in named_in:

@@ -26,9 +26,9 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, JointProbability, RecordSummary, summarize_record
 
-N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
-MIN_DRAWS = 400
-MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
+_N_DRAWS, _N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
+_MIN_DRAWS = 400
+_MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
 
 def attach_records(model: UncertaintyModel, blas: list[Bla], recorded: list[Bla] | None = None) -> UncertaintyModel:
@@ -38,38 +38,38 @@ def attach_records(model: UncertaintyModel, blas: list[Bla], recorded: list[Bla]
     """
     records = tuple(map(summarize_record, blas, recorded or blas))
     missed = [entry_misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
-    joint, joint_bla = np.min(list(map(partial(joint_probability, model), blas, records, missed)), axis=0)
+    joint, joint_bla = np.min(list(map(partial(_joint_probability, model), blas, records, missed)), axis=0)
     return replace(model, records=records, joint=JointProbability(frf=float(joint), bla=float(joint_bla)))
 
 
-def joint_probability(
+def _joint_probability(
     model: UncertaintyModel, bla: Bla, summary: RecordSummary, missed: np.ndarray
 ) -> tuple[float, float]:
     """Estimate the probability that the whole FRF of a new realisation lies in the set, and that the whole BLA does.
 
     summary, missed : what a set remembers of the record, and the misfit of the nominal on its lines, entry by entry.
     """
-    return probability_of_frf(model, summary, missed) if model.is_single else probability_of_matrix(model, bla, missed)
+    return probability_of_frf(model, summary, missed) if model.is_single else _probability_of_matrix(model, bla, missed)
 
 
-def shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, bool]:
+def _shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, bool]:
     """Return m^2/(m^2 + v) of a residual r about the nominal, and whether the nominal follows the record itself."""
     square, tiny = missed**2, np.finfo(float).tiny
-    follows = bool(np.mean(np.abs(r) ** 2 / np.maximum(v, tiny)) < MAX_FOLLOWED_SHARE)
+    follows = bool(np.mean(np.abs(r) ** 2 / np.maximum(v, tiny)) < _MAX_FOLLOWED_SHARE)
     return square / np.maximum(square + v, tiny), follows
 
 
 def probability_of_frf(model: UncertaintyModel, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
-    """Return `joint_probability` of one channel, by the level that the roughness of G confirms."""
+    """Return `_joint_probability` of one channel, by the level that the roughness of G confirms."""
     assert summary.scatter is not None  # of one channel
     inside = (summary.omega >= model.omega[0] * (1 - 1e-9)) & (summary.omega <= model.omega[-1] * (1 + 1e-9))
     omega, G, v, s = (part[inside] for part in (summary.omega, summary.G, summary.variance, summary.scatter))
     G0 = nominal_response(model.nominal, omega)
-    shrunk, follows = shrunk_residual(G - G0, v, missed[inside])
+    shrunk, follows = _shrunk_residual(G - G0, v, missed[inside])
     center, around = (G - G0) * shrunk, v * (shrunk + follows)
-    n = int(np.clip(N_NUMBERS // omega.size, MIN_DRAWS, N_DRAWS))
+    n = int(np.clip(_N_NUMBERS // omega.size, _MIN_DRAWS, _N_DRAWS))
     rng = np.random.default_rng(0)  # the same set, the same number
-    g, common, z = (*draw_level_errors(n, omega.size, rng), draw_complex_normals((n, omega.size), rng))
+    g, common, z = (*_draw_level_errors(n, omega.size, rng), _draw_complex_normals((n, omega.size), rng))
 
     def held(variance: np.ndarray) -> float:
         return float(np.mean(np.all(model.is_within(omega, G0 + center + np.sqrt(variance) * z, G0), axis=1)))
@@ -77,18 +77,18 @@ def probability_of_frf(model: UncertaintyModel, summary: RecordSummary, missed: 
     return held((s * common + around) / g), held(around / g)
 
 
-def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
-    """Return `joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
+def _probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
+    """Return `_joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
     n_y, n_u, F = frm.G.shape
     G0 = model.at(frm.omega)
     entries = [summarize_record(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
     v = np.array([one.variance for one in entries]).reshape(n_y, n_u, F)
     share = np.mean(v / np.maximum(frm.entries(frm.cov.bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
     r = frm.G - G0
-    shrunk, follows = shrunk_residual(r, v, missed)
-    n = int(np.clip(N_NUMBERS // frm.G.size, MIN_DRAWS, N_DRAWS))
+    shrunk, follows = _shrunk_residual(r, v, missed)
+    n = int(np.clip(_N_NUMBERS // frm.G.size, _MIN_DRAWS, _N_DRAWS))
     rng = np.random.default_rng(0)
-    g, common, z = (*draw_level_errors(n, F, rng), draw_complex_normals((n, F, n_y, n_u), rng))
+    g, common, z = (*_draw_level_errors(n, F, rng), _draw_complex_normals((n, F, n_y, n_u), rng))
     bound, gamma = (hermitian_power(np.moveaxis(C, 2, 0), 0.5) for C in (frm.cov.bound, frm.cov.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
     extra = hermitian_power(np.moveaxis(frm.covariance_of("realization") - frm.cov.bound, 2, 0) / frm.typical, 0.5)
@@ -99,11 +99,11 @@ def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray)
         return float(np.mean(np.all(model.is_within(frm.omega, nominal + deviation, nominal), axis=1)))
 
     about = center + size * kept * (bound @ z @ gamma)
-    new = size * np.sqrt(common)[..., None, None] * (extra @ draw_complex_normals(z.shape, rng) @ gamma)
+    new = size * np.sqrt(common)[..., None, None] * (extra @ _draw_complex_normals(z.shape, rng) @ gamma)
     return held(about + new), held(about)
 
 
-def draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw estimated over true levels (n, F), shared by neighbours, and the power that all lines share (n, 1)."""
     sums = np.cumsum(rng.exponential(size=(n, n_lines + WINDOW)), axis=1)
     level = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW
@@ -111,7 +111,7 @@ def draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[n
     return level ** np.sqrt(WINDOW / LEVEL_DOF), common
 
 
-def draw_complex_normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+def _draw_complex_normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """Draw complex normal numbers of variance one."""
     pairs = rng.standard_normal((2, *shape)) * np.sqrt(0.5)
     return np.asarray(pairs[0] + 1j * pairs[1])

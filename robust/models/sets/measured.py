@@ -20,7 +20,7 @@ from robust.models.sets.records import Origin
 
 #: Whatever has an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
-RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
+_RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
 
 
 def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:
@@ -54,7 +54,7 @@ def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     if sampled or getattr(origin_of(model), "hold", "known") != "unknown":
         return
     fs = origin_of(model).fs
-    if dt * fs < RATE_RATIO:
+    if dt * fs < _RATE_RATIO:
         data_warning(
             f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
             ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '

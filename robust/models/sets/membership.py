@@ -44,12 +44,12 @@ from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 #: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
 #: good as vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random
 #: coordinates leave up to some 1e-14.
-ROUNDING = 1e-12
-POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
+_ROUNDING = 1e-12
+_POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
 
 
 @value(copy=False)
-class Terms:
+class _Terms:
     """What E = X Delta Y is asked of: E, X X~ and Y~ Y at a point, and what rounding may add to X X~."""
 
     E: Pair
@@ -73,7 +73,7 @@ class Deviation:
     """What turns a nominal into a plant, as exact systems, and X, E and Y from their values; where it is looked at."""
 
     parts: tuple[TransferMatrix, ...]
-    terms: Callable[[Sequence[Pair]], Terms]
+    terms: Callable[[Sequence[Pair]], _Terms]
     dt: float
     bands: tuple[tuple[float, float], ...]
 
@@ -118,22 +118,22 @@ def block_deviation(
     known = {"G": G, "G_p": G_p}
     gains = [np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))]
     if left and right:  # both vanish with the plant, and only the product of what is added counts there
-        units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(ROUNDING)
+        units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(_ROUNDING)
     else:  # the other one is a weight, in whose units E is
-        units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), ROUNDING
+        units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), _ROUNDING
     more = {}
     if left:
-        more["X"] = with_rounded_inputs(known[left], units[0] / share)
+        more["X"] = _with_rounded_inputs(known[left], units[0] / share)
     if right:
-        more["Y"] = with_rounded_outputs(known[right], units[1] / share)
+        more["Y"] = _with_rounded_outputs(known[right], units[1] / share)
 
-    def terms(pairs: Sequence[Pair]) -> Terms:
+    def terms(pairs: Sequence[Pair]) -> _Terms:
         at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
         rest = dict(zip(more, pairs[4:], strict=True))
         X = multiply(at[left], at["W_l"]) if left else at["W_l"]
         Y = multiply(at["W_r"], at[right]) if right else at["W_r"]
         square, other = X[0] * X[1], Y[1] * Y[0]
-        return Terms(
+        return _Terms(
             E=subtract(at["G_p"], at["G"]),
             left=square,
             right=other + rest["Y"][1] * rest["Y"][0] if right else other,
@@ -142,13 +142,13 @@ def block_deviation(
 
     systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
     rounded = [TransferMatrix.of(each, own_poles=False) for each in more.values()]
-    return Deviation(parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=known_bands((G, G_p)))
+    return Deviation(parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=_known_bands((G, G_p)))
 
 
-def known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
+def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
     """Return the stretches of the axis that are left when poles are cut out which rounding cannot tell from it.
 
-    Within `POLE_ROUNDING` of what relative errors of the entries of A make of such a pole, a response is rounding.
+    Within `_POLE_ROUNDING` of what relative errors of the entries of A make of such a pole, a response is rounding.
     """
     cuts = []
     for G in systems:
@@ -156,8 +156,8 @@ def known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, flo
         found, left, right = eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
         along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         with np.errstate(divide="ignore", invalid="ignore"):  # of a double integrator nothing is rounded: 0/0
-            moved = POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
-        moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(POLE_ROUNDING) * np.linalg.norm(G.A))
+            moved = _POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
+        moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(_POLE_ROUNDING) * np.linalg.norm(G.A))
         for p, reach in zip(found, moved, strict=True):
             if abs(abs(p) - 1 if dt else p.real) <= reach and p.imag >= 0:
                 at, reach = (float(np.angle(p)) / dt, reach / dt) if dt else (p.imag, reach)
@@ -168,13 +168,13 @@ def known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, flo
     return tuple(band for band in zip(starts, stops, strict=True) if band[0] < band[1])
 
 
-def with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+def _with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
     """Return what a change of B by one part makes of a plant, each input over its unit."""
     sizes = np.linalg.norm(G.B / units, axis=1)
     return to_matrices(control.StateSpace(G.A, np.diag(sizes), G.C, np.zeros(G.C.shape), G.dt))
 
 
-def with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
+def _with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
     """Return what a change of C by one part makes of a plant, each output over its unit."""
     sizes = np.linalg.norm(G.C / units[:, None], axis=0)
     return to_matrices(control.StateSpace(G.A, G.B, np.diag(sizes), np.zeros(G.B.shape), G.dt))
@@ -187,16 +187,16 @@ def coprime_deviation(
     shaped = [in_series(each, shaping) for each in (G, G_p)]
     one = ExactMatrix.real(identity(1))
 
-    def terms(pairs: Sequence[Pair]) -> Terms:
+    def terms(pairs: Sequence[Pair]) -> _Terms:
         P, P_p, w = pairs
         row = join_blocks([[one, P[0]]]), join_blocks([[one], [P[1]]])
         column = join_blocks([[one], [P_p[0]]]), join_blocks([[one, P_p[1]]])
         X = multiply(w, row)
         left = X[0] * X[1]
-        return Terms(E=subtract(P_p, P), left=left, right=column[1] * column[0], more=left.times(fmpq(0)))
+        return _Terms(E=subtract(P_p, P), left=left, right=column[1] * column[0], more=left.times(fmpq(0)))
 
     parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
-    return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=known_bands(shaped))
+    return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=_known_bands(shaped))
 
 
 def right_roots(system: control.StateSpace, *, inverse: bool) -> int:

@@ -104,9 +104,9 @@ from robust.models.sets.membership import Deviation, block_deviation, coprime_de
 from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
 
-ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
-SET_TOLERANCE = 1e-6  # by which a plant may be farther from the nominal than its set lets it
-MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
+_ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
+_SET_TOLERANCE = 1e-6  # by which a plant may be farther from the nominal than its set lets it
+_MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
 
 
 @value(kw_only=False)
@@ -493,13 +493,13 @@ class UncertaintyModel:
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
-            return np.abs(delta) <= ROUNDING_FACTOR
+            return np.abs(delta) <= _ROUNDING_FACTOR
         if self.form == ELEMENTS:
-            return np.all(squared_modulus(delta) <= ROUNDING_FACTOR**2, axis=(-2, -1))
+            return np.all(squared_modulus(delta) <= _ROUNDING_FACTOR**2, axis=(-2, -1))
         total = np.add.reduce(squared_modulus(delta), axis=(-2, -1))
-        held = total <= ROUNDING_FACTOR**2
-        close = ~held & (total <= ROUNDING_FACTOR**2 * min(delta.shape[-2:]))
-        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDING_FACTOR
+        held = total <= _ROUNDING_FACTOR**2
+        close = ~held & (total <= _ROUNDING_FACTOR**2 * min(delta.shape[-2:]))
+        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= _ROUNDING_FACTOR
         return held
 
     def minimal_perturbation(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
@@ -551,15 +551,15 @@ class UncertaintyModel:
         """
         distance = self.distance(plant)
         if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
-            return bool(np.all(distance <= 1 + SET_TOLERANCE))
+            return bool(np.all(distance <= 1 + _SET_TOLERANCE))
         plant = (state_space if self.is_single else multivariable)("plant", plant)
         if self.counted_roots(plant) != self.counted_roots(self.nominal):
             return False
-        found = [deviation.is_within(1 + SET_TOLERANCE) for deviation in self.deviations(plant)]
+        found = [deviation.is_within(1 + _SET_TOLERANCE) for deviation in self.deviations(plant)]
         if any(one.outcome is Outcome.UNDECIDED for one in found):
             reason = next(one.reason for one in found if one.outcome is Outcome.UNDECIDED)
             data_warning(f"plant was compared on {distance.size} lines only: {reason}", DesignWarning)
-            return bool(np.all(distance <= 1 + SET_TOLERANCE))
+            return bool(np.all(distance <= 1 + _SET_TOLERANCE))
         return all(one.holds for one in found)
 
     def counted_roots(self, plant: control.StateSpace) -> int:
@@ -621,7 +621,7 @@ class UncertaintyModel:
         rng = random_generator("rng", rng)
         # a gain as the weight need not state a clock, nor has one as the nominal to
         dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
-        for _ in range(MAX_TRIALS * require_integer("n", n, least=0)):
+        for _ in range(_MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
                 break
             Delta = random_delta(rng, self.structure, band=(self.omega[0], self.omega[-1]), dt=dt)
@@ -800,10 +800,10 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
 
     On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
     """
-    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
+    if not np.all(model.distance(plant) <= 1 + _SET_TOLERANCE):
         return False
     if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
     omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + SET_TOLERANCE))
+    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + _SET_TOLERANCE))

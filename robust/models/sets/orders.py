@@ -36,24 +36,24 @@ from robust.models.sets.radius import (
     sum_of_parts,
 )
 
-MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
-MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
-OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
-UNSURE = "poles of no significance"
-LEAST_DAMPING = 1e-4  # of a pair above the band
+_MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
+_MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
+_OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
+_UNSURE = "poles of no significance"
+_LEAST_DAMPING = 1e-4  # of a pair above the band
 #: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half of what it may be.
-ENOUGH = 0.5
+_ENOUGH = 0.5
 NEAR_BEST = 1.1  # times the smallest: within it the smallest order is taken
 #: Last line of a scan that is printed, by whether a crossover was named.
-CRITERION_TEXT = (
+_CRITERION_TEXT = (
     "criterion: negative log likelihood, in units of what scatter leaves on a line, plus ln(2 lines)/2 for each "
     "parameter; taken is the lowest of the fits that scatter explains and the data carry. Where scatter explains none, "
     f"the smallest order that lets a loop cross over as high as any, within {NEAR_BEST - 1:.0%}: up to there |T_c| "
-    f"times the radius of the set stays below {ENOUGH:g}"
+    f"times the radius of the set stays below {_ENOUGH:g}"
 )
-CROSSOVER_TEXT = (
+_CROSSOVER_TEXT = (
     "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, with |T_c| = "
-    f"1/sqrt(1 + (f/2 f_c)^4) where |G| is smooth; taken is the smallest order below {ENOUGH:g}, or within "
+    f"1/sqrt(1 + (f/2 f_c)^4) where |G| is smooth; taken is the smallest order below {_ENOUGH:g}, or within "
     f"{NEAR_BEST - 1:.0%} of the best. Higher orders are not tried where no nominal could be better"
 )
 
@@ -86,7 +86,7 @@ class OrderScan:
     """
 
     fits: tuple[NominalFit, ...]
-    sizes: tuple[SetSizes, ...]
+    sizes: tuple[_SetSizes, ...]
     omega_c: float
 
     @property
@@ -135,16 +135,16 @@ class OrderScan:
         reach within 10 % of the highest.
         """
         if np.isnan(self.omega_c):
-            return choose_by_data(self.criterion, self.fits, self.reach)
-        shown = ~np.array([has_unseen_pair(fit) for fit in self.fits])
+            return _choose_by_data(self.criterion, self.fits, self.reach)
+        shown = ~np.array([_has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
         best = int(np.argmin(np.where(shown, self.loop_radius, np.inf)))
         limits = [
-            np.maximum(NEAR_BEST * self.sizes[best].loop_lines, ENOUGH),
-            max(NEAR_BEST * self.loop_radius[best], ENOUGH),
+            np.maximum(NEAR_BEST * self.sizes[best].loop_lines, _ENOUGH),
+            max(NEAR_BEST * self.loop_radius[best], _ENOUGH),
         ]
         serves = [np.all(size.loop_lines <= limits[0]) and size.loop_radius <= limits[1] for size in self.sizes]
-        return smallest_order(self.fits, shown & np.array(serves), self.loop_radius)
+        return _smallest_order(self.fits, shown & np.array(serves), self.loop_radius)
 
     @property
     def fit(self) -> NominalFit:
@@ -168,7 +168,7 @@ class OrderScan:
             row += f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter" + " (taken)" * (i == chosen)
             doubt = describe_doubts(fit)
             rows.append(row + f"  {doubt}" * bool(doubt))
-        return "\n".join([*rows, CROSSOVER_TEXT if asked else CRITERION_TEXT])
+        return "\n".join([*rows, _CROSSOVER_TEXT if asked else _CRITERION_TEXT])
 
 
 def scan_orders(
@@ -227,7 +227,7 @@ def scan_orders(
     if several and excess > 1:
         raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
 
-    many = records_of(bla, require_nonnegative("dt", dt))
+    many = _records_of(bla, require_nonnegative("dt", dt))
     fits: list[NominalFit] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
@@ -237,7 +237,7 @@ def scan_orders(
                 fits.append(
                     fit_nominal(bla, n_poles=n, n_zeros=direct, delay=tau, dt=dt, stable=stable, omega_c=omega_c)
                 )
-                if set_sizes(fits[-1], many).suffices:
+                if _set_sizes(fits[-1], many).suffices:
                     break
         else:
             search = start_search(
@@ -246,17 +246,17 @@ def scan_orders(
             free = replace(search, delay=None, found={}, begun={}) if delay == "auto" else None
             zeros_of = {n: None if relative_degree is None else n - excess for n in orders}
             if omega_c is None:
-                fits = scan_for_data(search, bla, zeros_of)
-                if free is not None and needs_delay(fits):
-                    fits += [fit for fit in scan_for_data(free, bla, zeros_of, also=search) if fit.delay]
+                fits = _scan_for_data(search, bla, zeros_of)
+                if free is not None and _needs_delay(fits):
+                    fits += [fit for fit in _scan_for_data(free, bla, zeros_of, also=search) if fit.delay]
             else:
-                fits = scan_for_loop(search, bla, zeros_of, free=free, many=many)
+                fits = _scan_for_loop(search, bla, zeros_of, free=free, many=many)
     fits.sort(key=lambda fit: fit.G.nstates)
     asked = float("nan") if omega_c is None else float(omega_c)
-    return OrderScan(fits=tuple(fits), sizes=tuple(set_sizes(fit, many) for fit in fits), omega_c=asked)
+    return OrderScan(fits=tuple(fits), sizes=tuple(_set_sizes(fit, many) for fit in fits), omega_c=asked)
 
 
-def scan_for_loop(
+def _scan_for_loop(
     search: FitSearch,
     bla: Measurement,
     zeros_of: dict[int, int | None],
@@ -271,19 +271,19 @@ def scan_for_loop(
     fits: list[NominalFit] = []
     for one in (search,) if free is None else (search, free):
         if fits:
-            best = min(fits, key=lambda fit: set_sizes(fit, many).loop_radius)
+            best = min(fits, key=lambda fit: _set_sizes(fit, many).loop_radius)
             if not np.any(to_s_plane(best.G.zeros(), timebase(best.G)).real > 0):
                 break
         for n, n_zeros in zeros_of.items():
             fit = likeliest_fit(one, bla, n, n_zeros)
             if one is search or fit.delay:
                 fits.append(fit)
-            if set_sizes(fit, many).suffices:
+            if _set_sizes(fit, many).suffices:
                 return fits
     return fits
 
 
-def scan_for_data(
+def _scan_for_data(
     search: FitSearch, bla: Measurement, zeros_of: dict[int, int | None], also: FitSearch | None = None
 ) -> list[NominalFit]:
     """Return the fits of growing order, each started from its neighbours and from those of another search.
@@ -305,14 +305,14 @@ def scan_for_data(
 # ---- What the set about a fit allows a loop.
 
 
-def records_of(bla: Measurement, dt: float) -> list[Bla]:
+def _records_of(bla: Measurement, dt: float) -> list[Bla]:
     """Return the records that a set is made of, behind the hold that a model of dt has; none for a bare FRF."""
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     return [bla_behind_hold(one, dt) for one in many if isinstance(one, Bla)]
 
 
 @value
-class SetSizes:
+class _SetSizes:
     """What the set about a fit allows a loop.
 
     Fields
@@ -322,10 +322,10 @@ class SetSizes:
     loop_lines : (F,) ndarray
         |T_c| times the radius over |G| on the lines of the fit.
     reach : float
-        Highest crossover [rad/s] with |T_c| times the radius below `ENOUGH` on every line.
+        Highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line.
     suffices : bool
         Whether the loop has its margins, or no other nominal could give it more: on every line |T_c| times the radius
-        is below `ENOUGH` or near that of the scatter alone, by poles and zeros that the data show.
+        is below `_ENOUGH` or near that of the scatter alone, by poles and zeros that the data show.
     """
 
     radius: float
@@ -335,29 +335,29 @@ class SetSizes:
     suffices: bool
 
 
-def set_sizes(fit: NominalFit, many: Sequence[Bla]) -> SetSizes:
+def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
     """Return what the set about a fit, made of these records, allows a loop."""
-    parts = list(parts_of_records(fit, many))
-    rows = [radii_of_record(fit, one, at) for one, at in parts]
+    parts = list(_parts_of_records(fit, many))
+    rows = [_radii_of_record(fit, one, at) for one, at in parts]
     line = np.concatenate(
         [np.arange(row.shape[1]) < fit.omega[at].size for row, (_, at) in zip(rows, parts, strict=True)]
     )
     omega, relative, scatter, shape = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        allowed = omega / 2 / (shape**2 * ((relative / ENOUGH) ** 2 - 1)) ** 0.25
-    reach = min(float(np.min(allowed[relative > ENOUGH], initial=np.inf)), float(fit.omega.max()))
+        allowed = omega / 2 / (shape**2 * ((relative / _ENOUGH) ** 2 - 1)) ** 0.25
+    reach = min(float(np.min(allowed[relative > _ENOUGH], initial=np.inf)), float(fit.omega.max()))
     target = target_loop(omega, fit.omega_c, shape)
     loop, least, asked = relative * target, scatter * target, not np.isnan(fit.omega_c)
-    return SetSizes(
+    return _SetSizes(
         radius=float(np.max(relative[omega <= fit.omega_c])) if asked else np.nan,
         loop_radius=float(loop.max()) if asked else np.nan,
         loop_lines=loop[line],
         reach=reach,
-        suffices=asked and not has_unseen_pair(fit) and bool(np.all(loop < np.maximum(ENOUGH, NEAR_BEST * least))),
+        suffices=asked and not _has_unseen_pair(fit) and bool(np.all(loop < np.maximum(_ENOUGH, NEAR_BEST * least))),
     )
 
 
-def parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla | None, slice]]:
+def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla | None, slice]]:
     """Return each record with the place of its lines in a fit to all of them; no record for a bare FRF."""
     start = 0
     for one in many:
@@ -367,7 +367,7 @@ def parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla
         yield None, slice(None)
 
 
-def radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
+def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
     """Return (4, W) frequencies, radius over |G|, what of it no other nominal changes, and |G| over |G| smoothed.
 
     On the lines of the record, and with one channel at the modes of the nominal between them, where the radius is the
@@ -402,13 +402,13 @@ def radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarra
     return np.hstack([on_lines, [modes, *between, peaks]])
 
 
-def has_unseen_pair(fit: NominalFit) -> bool:
+def _has_unseen_pair(fit: NominalFit) -> bool:
     """Return whether a pole and a zero lie below the band, where they cancel on every line: the data show neither."""
     lowest, dt = fit.omega.min() / OUTSIDE_FACTOR, timebase(fit.G)
     return all(np.any(np.abs(to_s_plane(roots, dt)) < lowest) for roots in (fit.G.poles(), fit.G.zeros()))
 
 
-def smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
+def _smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
     """Return which of the good fits has the fewest poles, of equal ones that of the smallest measure."""
     least = min(fit.G.nstates for fit, ok in zip(fits, good, strict=True) if ok)
     same = np.array([fit.G.nstates == least for fit in fits])
@@ -418,7 +418,7 @@ def smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.nda
 # ---- What the data show.
 
 
-def choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.ndarray) -> int:
+def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.ndarray) -> int:
     """Return which fit to take where no crossover was named.
 
     The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
@@ -431,15 +431,15 @@ def choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.
     explained = damped & np.array([not fit.p_value <= UNLIKELY_COST for fit in fits])
     if not explained.any():
         some = damped if damped.any() else ~damped
-        return smallest_order(fits, some & (reach >= np.max(reach[some]) / NEAR_BEST), -reach)
+        return _smallest_order(fits, some & (reach >= np.max(reach[some]) / NEAR_BEST), -reach)
     carried = np.array([not kinds for kinds in doubts])
-    within = np.array([set(kinds) <= {OUTSIDE, UNSURE} for kinds in doubts])
+    within = np.array([set(kinds) <= {_OUTSIDE, _UNSURE} for kinds in doubts])
     groups = (explained & carried, explained & within, explained)
     group = next(g for g in groups if g.any())
     return int(np.argmin(np.where(group, criterion, np.inf)))
 
 
-def needs_delay(fits: Sequence[NominalFit]) -> bool:
+def _needs_delay(fits: Sequence[NominalFit]) -> bool:
     """Return whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
     return not any(
         fit.p_value > UNLIKELY_COST and not describe_doubts(fit) and not np.any(np.real(fit.G.zeros()) > 0)
@@ -476,14 +476,14 @@ def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
     poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros
     size, high = np.abs(poles), fit.omega.max() * OUTSIDE_FACTOR
     outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > high)
-    undamped = (size > high) & (poles.imag != 0) & (-poles.real < LEAST_DAMPING * size)
-    unsure = ~outside & (fit.uncertainty.std_poles > MAX_RELATIVE_STD * size)
-    cancelled = ~outside & ~unsure & (fit.uncertainty.separation < MIN_SEPARATION)
+    undamped = (size > high) & (poles.imag != 0) & (-poles.real < _LEAST_DAMPING * size)
+    unsure = ~outside & (fit.uncertainty.std_poles > _MAX_RELATIVE_STD * size)
+    cancelled = ~outside & ~unsure & (fit.uncertainty.separation < _MIN_SEPARATION)
     far = (np.abs(zeros) > high) & (fit.uncertainty.std_zeros > np.abs(zeros))
     kinds = {
-        OUTSIDE: poles[outside & ~undamped],
+        _OUTSIDE: poles[outside & ~undamped],
         UNDAMPED: poles[undamped],
-        UNSURE: poles[unsure],
+        _UNSURE: poles[unsure],
         "poles that zeros cancel but for scatter": poles[cancelled],
         "zeros above the band of no significance": zeros[far],
     }

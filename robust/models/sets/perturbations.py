@@ -11,7 +11,7 @@ from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-REAL_ANGLE = 1e-7  # [rad] as good as real: an all-pass of that phase has a pole next to zero or infinity
+_REAL_ANGLE = 1e-7  # [rad] as good as real: an all-pass of that phase has a pole next to zero or infinity
 
 
 def perturbed_plant(
@@ -75,7 +75,7 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     """Return a first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
     x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     angle = float(np.angle(value))
-    if abs(np.sin(angle)) < REAL_ANGLE:
+    if abs(np.sin(angle)) < _REAL_ANGLE:
         return control.StateSpace([], [], [], [[abs(value) * np.sign(np.cos(angle))]], dt)
     # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the other half
     sign = 1.0 if angle >= 0 else -1.0

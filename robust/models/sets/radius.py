@@ -26,9 +26,9 @@ from robust.models.sets.forms import INPUT, Form
 from robust.models.sets.records import PARTS
 
 #: Lines over which misfits and covariances are averaged, relative to |G|: an order of weights does not follow scatter.
-WINDOW = 9
-DECADES_ABOVE = 2.0
-FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
+_WINDOW = 9
+_DECADES_ABOVE = 2.0
+_FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
 #: Smallest over largest radius of plants that were given: one equal to the nominal on a line would leave a zero.
 MIN_RADIUS_RATIO = 1e-6
 
@@ -57,11 +57,11 @@ class Extrapolation:
     above: float = 0.0
 
     def __str__(self) -> str:
-        return f"below the band {describe_slope(self.below)}, above it {describe_slope(self.above)}"
+        return f"below the band {_describe_slope(self.below)}, above it {_describe_slope(self.above)}"
 
     def extrapolate(self, omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the radius continued outside the band, for the weight to cover."""
-        step = np.linspace(0, DECADES_ABOVE, 41)[1:]
+        step = np.linspace(0, _DECADES_ABOVE, 41)[1:]
         low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
         if dt:
             nyquist = np.pi / dt * (1 - 1e-9)
@@ -75,9 +75,9 @@ def checked_slope(name: str, rule: str | float) -> float:
     return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
 
 
-def describe_slope(rule: float) -> str:
+def _describe_slope(rule: float) -> str:
     """Describe the extrapolation rule."""
-    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
+    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {_DECADES_ABOVE:g} decades"
 
 
 def fit_covering_weight(
@@ -90,7 +90,7 @@ def fit_covering_weight(
     importance: np.ndarray | None = None,
 ) -> control.StateSpace:
     """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
-    if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
+    if radius.max() < _FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
     return fit_extrapolated(
         omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt, importance=importance
@@ -211,7 +211,7 @@ def record_radius_parts(
         name: radius * np.divide(share, variance, out=np.zeros(F), where=variance > 0) for name, share in shares.items()
     }
     model = nominal_response(nominal, bla.omega)
-    parts["misfit"] = model_misfit(bla, model)
+    parts["misfit"] = _model_misfit(bla, model)
     parts["level"] = np.zeros(F)
     parts["systematic"] = np.zeros(F) if spec.systematic is None else bla.systematic(spec.systematic)
     floor = np.maximum(1e-9 * np.abs(model), np.finfo(float).tiny)
@@ -220,7 +220,7 @@ def record_radius_parts(
     return parts
 
 
-def model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
+def _model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     """Return (F,) the misfit beyond scatter: windowed mean of |residual|^2 less the variance, as an amplitude.
 
     Relative to the model inside the window, or a resonance would spread over its neighbours. A line that sticks out
@@ -229,17 +229,17 @@ def model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     square = np.abs(bla.G - model) ** 2
     var = bla.var_bound
     size = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
-    around = size * window_means((square - var) / size)
+    around = size * _window_means((square - var) / size)
     alone = np.where(square > bla.f_quantile(0.95, simultaneous=True) * var, square - var, 0.0)
     return np.sqrt(np.maximum(np.maximum(around, alone), 0.0))
 
 
-def window_means(x: np.ndarray) -> np.ndarray:
+def _window_means(x: np.ndarray) -> np.ndarray:
     """Return (F, ...) means over the lines around each, in windows that stay inside at the ends."""
     F = len(x)
     sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
-    first = np.clip(np.arange(F) - WINDOW // 2, 0, max(F - WINDOW, 0))
-    last = np.minimum(first + WINDOW, F)
+    first = np.clip(np.arange(F) - _WINDOW // 2, 0, max(F - _WINDOW, 0))
+    last = np.minimum(first + _WINDOW, F)
     return np.asarray((sums[last] - sums[first]) / (last - first).reshape(-1, *[1] * (x.ndim - 1)))
 
 
@@ -344,7 +344,7 @@ def block_radius(
 def entry_misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
     """Return (F,) or (n_y, n_u, F) the misfit of the nominal beyond scatter, entry by entry."""
     if frm.is_single:
-        return model_misfit(frm, model)
+        return _model_misfit(frm, model)
     out, spec = np.empty(model.shape), RadiusSpec(even=False)
     for j, i in np.ndindex(model.shape[:2]):
         out[j, i] = record_radius_parts(frm.entry(j, i), control.frd(model[j, i], frm.omega), spec)["misfit"]
@@ -360,7 +360,7 @@ def block_radii_of_record(
     trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
     """
     gamma = np.moveaxis(frm.cov.gamma, 2, 0)
-    x = root_quantiles(frm, spec)
+    x = _root_quantiles(frm, spec)
     C = frm.covariance_of("realization")
     if spec.even:
         C = C + frm.experiment.n_realizations * np.nan_to_num(frm.cov.even)
@@ -377,7 +377,7 @@ def block_radii_of_record(
     return diagonal_bound(X), diagonal_bound(gamma)
 
 
-def root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
+def _root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
     """Return (F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
     left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
@@ -387,7 +387,7 @@ def root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
 def smooth_covariance(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Return (F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
     size = np.sqrt(np.einsum("jif,if->fj", np.abs(model) ** 2, 1 / own))
-    return window_means(C / size[:, :, None] / size[:, None]) * size[:, :, None] * size[:, None]
+    return _window_means(C / size[:, :, None] / size[:, None]) * size[:, :, None] * size[:, None]
 
 
 def diagonal_bound(X: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
 #: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.
 #: Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for a fifth power.
 FEW_LINES = 8.0
-MAX_DOF = 1e6  # which is as good as infinite, and a number in a file
+_MAX_DOF = 1e6  # which is as good as infinite, and a number in a file
 
 
 @value
@@ -149,10 +149,10 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     """
     if not bla.is_single:
         G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov.bound, bla.cov.gamma))
-        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, MAX_DOF))
+        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, _MAX_DOF))
     # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
-    level, rough = window_mean(bla.var_bound / size), window_mean(bla.roughness() / size)
+    level, rough = _window_mean(bla.var_bound / size), _window_mean(bla.roughness() / size)
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
     share = np.minimum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)
     variance = level * share * size
@@ -185,7 +185,7 @@ def rms_levels(bla: Bla) -> tuple[float, float]:
     return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))
 
 
-def window_mean(x: np.ndarray) -> np.ndarray:
+def _window_mean(x: np.ndarray) -> np.ndarray:
     """Return (F,) mean over the lines around each, one-sided at the ends."""
     half = WINDOW // 2
     weights = np.convolve(np.ones(x.size), np.ones(2 * half + 1))[half:-half]

@@ -54,10 +54,10 @@ from robust.proofs.exact.taylor_models import (
 )
 
 SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one: at least, and at most
-LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
-TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
-REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
-LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
+_LONGER, _FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
+_TIGHT, _DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
+_REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
+_LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
 
 
 @value(copy=False)
@@ -74,35 +74,35 @@ class Ratio:
         found = []
         for p in (self.num, self.den):
             ball = p(y)
-            if not ball > 0 or ball.rad() > LOOSE_RADIUS * abs(ball.mid()):
-                first, *others = compose_polynomial(p, squared_line(low, high)).p.coeffs()
+            if not ball > 0 or ball.rad() > _LOOSE_RADIUS * abs(ball.mid()):
+                first, *others = compose_polynomial(p, _squared_line(low, high)).p.coeffs()
                 ball = first + arb(0, sum((abs(c) for c in others), arb(0)).abs_upper())
             found.append(ball)
         return found
 
     def upper(self, low: arb, high: arb) -> arb:
         """Upper bound of |X| on omega in [low, high] (arb); infinite where none is found."""
-        return sqrt_upper(*self.squares(low, high))
+        return _sqrt_upper(*self.squares(low, high))
 
     def bounds(self, low: arb, high: arb) -> tuple[arb, arb]:
         """Upper bound of |X|, and one of 1/|X|."""
         num, den = self.squares(low, high)
-        return sqrt_upper(num, den), sqrt_upper(den, num)
+        return _sqrt_upper(num, den), _sqrt_upper(den, num)
 
     def beyond(self, low: arb) -> arb:
         """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
         v = arb(0).union(1 / (low * low))
         top, bottom = (reversed_polynomial(p, v, p.degree()) for p in (self.num, self.den))
-        return sqrt_upper(top, bottom)
+        return _sqrt_upper(top, bottom)
 
 
-def squared_line(low: arb, high: arb) -> TaylorModel:
+def _squared_line(low: arb, high: arb) -> TaylorModel:
     """omega^2 on an interval as a Taylor model."""
     omega = linear_model((low + high) / 2, (high - low) / 2)
     return omega * omega
 
 
-def sqrt_upper(top: arb, bottom: arb) -> arb:
+def _sqrt_upper(top: arb, bottom: arb) -> arb:
     """Return an upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
     if not bottom > 0:
         return arb.pos_inf()
@@ -113,10 +113,10 @@ def sqrt_upper(top: arb, bottom: arb) -> arb:
 def magnitude_ratio(system: Quotient) -> Ratio:
     """Return |X|^2 of a continuous system as a quotient of polynomials in omega^2."""
     num, den = squared_magnitude(arb_poly(system.num)), squared_magnitude(arb_poly(system.den))
-    return Ratio(num=num, den=den, order=true_degree(system.den) - true_degree(system.num))
+    return Ratio(num=num, den=den, order=_true_degree(system.den) - _true_degree(system.num))
 
 
-def true_degree(p: Polynomial) -> int:
+def _true_degree(p: Polynomial) -> int:
     """Degree of a polynomial over the rationals."""
     return max(int(p.degree()), 0)
 
@@ -127,8 +127,8 @@ def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
 
 
 @value(copy=False)
-class Sums:
-    """Upper bounds of the sums over all aliases k != 0 on an interval; what they stand for is in `Aliases`."""
+class _Sums:
+    """Upper bounds of the sums over all aliases k != 0 on an interval; what they stand for is in `_Aliases`."""
 
     F: arb
     G: arb
@@ -150,8 +150,8 @@ class AliasBlocks:
     def beyond(cls, n: int, farthest: float, *, dt: arb) -> AliasBlocks:
         """Return the blocks of the aliases |k| > n, up to far beyond the farthest root, in sampling frequencies."""
         edges = [n + 1]
-        while edges[-1] < max(FAR * farthest, 2.0 * edges[0]):
-            edges.append(max(edges[-1] + 1, int(edges[-1] * LONGER)))
+        while edges[-1] < max(_FAR * farthest, 2.0 * edges[0]):
+            edges.append(max(edges[-1] + 1, int(edges[-1] * _LONGER)))
         step = 2 * arb.pi() / dt
         return cls(edges=tuple(edges), step=step, hold=2 / dt / step)
 
@@ -185,7 +185,7 @@ class AliasBlocks:
         return found + c * self.hold**holds * both / self.step**order
 
 
-class Aliases:
+class _Aliases:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
     def __init__(self, claim: LoopClaim, dt: fmpq) -> None:
@@ -199,27 +199,27 @@ class Aliases:
         self.n = min(max(SINGLE, ceil(min(farthest, 1e6)) + 2), MOST_SINGLE)
         self.rest = self.of_the_rest(farthest)
 
-    def of_the_rest(self, farthest: float) -> Sums:
+    def of_the_rest(self, farthest: float) -> _Sums:
         """Return the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
         blocks = AliasBlocks.beyond(self.n, farthest, dt=self.dt)
         G = [max_magnitude(self.G, *block) for block in blocks.intervals]
         F = [max_magnitude(self.F, *block, below_one=self.inverse) for block in blocks.intervals]
         f, g, n_F, n_G = self.F.beyond(blocks.end), self.G.beyond(blocks.end), self.F.order, self.G.order
         f_last = f / blocks.end**n_F
-        return Sums(
+        return _Sums(
             F=blocks.total(F, f, n_F, holds=1),
             G=blocks.total(G, g, n_G, holds=1),
             FF=blocks.total([x * x for x in F], f * f, 2 * n_F, holds=0),
             GG=blocks.total([x * x for x in G], g * g, 2 * n_G, holds=2),
             GF=blocks.total(
-                [y * over_one_minus(x) for x, y in zip(F, G, strict=True)], g * over_one_minus(f_last), n_G, holds=1
+                [y * _over_one_minus(x) for x, y in zip(F, G, strict=True)], g * _over_one_minus(f_last), n_G, holds=1
             ),
             F_max=reduce(arb.max, F, f_last),
         )
 
-    def sums(self, low: arb, high: arb) -> Sums:
+    def sums(self, low: arb, high: arb) -> _Sums:
         """Return the sums on omega in [low, high]."""
-        sine = sine_up(high * self.dt / 2)
+        sine = _sine_up(high * self.dt / 2)
         rest = self.rest
         F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
         F_max = rest.F_max
@@ -229,8 +229,8 @@ class Aliases:
                 f, g = self.F.upper(near, far), self.G.upper(near, far)
                 hold = (2 * sine / (near * self.dt)).abs_upper()
                 F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
-                GF, F_max = GF + (hold * g * over_one_minus(f) if g != 0 else arb(0)), larger(F_max, f)
-        return Sums(
+                GF, F_max = GF + (hold * g * _over_one_minus(f) if g != 0 else arb(0)), _larger(F_max, f)
+        return _Sums(
             F=upper_end(F), G=upper_end(G), FF=upper_end(FF), GG=upper_end(GG), GF=upper_end(GF), F_max=upper_end(F_max)
         )
 
@@ -240,17 +240,17 @@ def upper_end(x: arb) -> arb:
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
-def over_one_minus(f: arb) -> arb:
+def _over_one_minus(f: arb) -> arb:
     """f/(1 - f), infinite where f may reach one."""
     return f / (1 - f) if f < 1 else arb.pos_inf()
 
 
-def larger(a: arb, b: arb) -> arb:
+def _larger(a: arb, b: arb) -> arb:
     """Return the larger of two upper bounds."""
     return b if b > a or not b.is_finite() else a
 
 
-def sine_up(x: arb) -> arb:
+def _sine_up(x: arb) -> arb:
     """Return an upper bound of sin on [0, x]."""
     return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
 
@@ -275,22 +275,22 @@ def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> 
     while todo:
         a, b, depth = todo.pop()
         middle, top = (a + b) / 2, X.upper(a, b)
-        if not is_close(top, found, below_one):
-            found = larger(found, X.upper(middle, middle))
-        if is_close(top, found, below_one) or depth >= DEEPEST:
-            found = larger(found, top)
+        if not _is_close(top, found, below_one):
+            found = _larger(found, X.upper(middle, middle))
+        if _is_close(top, found, below_one) or depth >= _DEEPEST:
+            found = _larger(found, top)
         else:
             todo += [(a, middle, depth + 1), (middle, b, depth + 1)]
     return upper_end(found)
 
 
-def is_close(top: arb, found: arb, below_one: bool) -> bool:
+def _is_close(top: arb, found: arb, below_one: bool) -> bool:
     """Return whether an upper bound is close to a value that was found."""
-    return bool(top <= found * TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * TIGHT))
+    return bool(top <= found * _TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * _TIGHT))
 
 
 @value(copy=False)
-class Sizes:
+class _Sizes:
     """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
 
     Of a loop without a demand the last three are not numbers: no bound is below anything.
@@ -306,7 +306,7 @@ class Sizes:
     centre: arb = field(default_factory=arb.nan)
 
 
-def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums) -> Sizes:
+def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _Sums) -> _Sizes:
     """Return upper bounds of all terms of a claim on an interval.
 
     |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
@@ -315,7 +315,7 @@ def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums
 
     def quotient_up(*factors: TaylorModel) -> arb:
         top = factors[0] * factors[1]
-        return sqrt_upper(-lower_bound(top * arb(-1)), closed)
+        return _sqrt_upper(-lower_bound(top * arb(-1)), closed)
 
     S, KS, T = quotient_up(t.G_den, t.K_den), quotient_up(t.G_den, t.K_num), quotient_up(t.G_num, t.K_num)
     GS = quotient_up(t.G_num, t.K_den)
@@ -337,16 +337,16 @@ def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums
     FS, FKS = (GS_ * w, GKS0 * w) if aliases.through else (S * w, KS_ * w)
     found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
     if t.P_num is not None:
-        size = sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
+        size = _sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
         found |= {
             "PS": S * size,
             "PFS": FS * size,
-            "centre": bound_centre(aliases, t, closed=closed, S=S, low=low, high=high),
+            "centre": _bound_centre(aliases, t, closed=closed, S=S, low=low, high=high),
         }
-    return Sizes(**{name: upper_end(x) for name, x in found.items()})
+    return _Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def bound_centre(aliases: Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
+def _bound_centre(aliases: _Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
     """Return an upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
@@ -357,34 +357,34 @@ def bound_centre(aliases: Aliases, t: Terms, *, closed: arb, S: arb, low: arb, h
     a = (aliases.F.num(y) / aliases.F.den(y)).mid()
     if not (top.is_finite() and a.is_finite()):
         return arb.pos_inf()
-    moved = larger(upper_end(top**2 - a), upper_end(a - 1 / inverse**2) if inverse.is_finite() else a)
+    moved = _larger(upper_end(top**2 - a), upper_end(a - 1 / inverse**2) if inverse.is_finite() else a)
     D = t.G_den * t.K_den
     size = t.closed - (D + t.cross) * (2 * a) + D * (a * a)
-    return sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
+    return _sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
 
 
-def claim_measure(claim: LoopClaim, name: str, *, u: Sizes, s: Sums, scaling: arb) -> arb:
+def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling: arb) -> arb:
     """Return an upper bound of the quantity that a claim needs below one."""
     operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
     if not claim.inverse and operator:
-        gain = u.FKS**2 + product_or_zero(u.KS**2, s.FF)
+        gain = u.FKS**2 + _product_or_zero(u.KS**2, s.FF)
         if name == ALIASED[OPERATOR_PERFORMANCE]:
-            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + product_or_zero(u.PS**2, s.FF)) / scaling
+            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + _product_or_zero(u.PS**2, s.FF)) / scaling
         return gain
     if not claim.inverse:
-        return u.hold * u.FKS + product_or_zero(u.KS, s.F) + (u.PS if performance else 0)
+        return u.hold * u.FKS + _product_or_zero(u.KS, s.F) + (u.PS if performance else 0)
     own = u.FS + u.FKS * s.G
     if operator:
         F, G = s.FF.sqrt(), s.GG.sqrt()
-        return largest_singular_value_2x2(own, u.GKS * F, c=u.FKS * G, d=s.F_max + product_or_zero(u.KS * G, F))
+        return _largest_singular_value_2x2(own, u.GKS * F, c=u.FKS * G, d=s.F_max + _product_or_zero(u.KS * G, F))
     if not performance:
-        return own + product_or_zero(u.KS + u.FKS, s.GF)
-    r, q, A = product_or_zero(u.KS, s.GF), product_or_zero(u.FKS, s.GF), u.FKS * s.G
+        return own + _product_or_zero(u.KS + u.FKS, s.GF)
+    r, q, A = _product_or_zero(u.KS, s.GF), _product_or_zero(u.FKS, s.GF), u.FKS * s.G
     return (u.PS + r) * (u.centre + r) + (u.PFS + q) * (A + q + u.GKS) + (u.FS + A + q) ** 2 + 2 * r
 
 
-def joint_claim_measure(
-    aliases: Aliases, claim: LoopClaim, *, name: str, t: Terms, u: Sizes, s: Sums, scaling: arb, y: TaylorModel
+def _joint_claim_measure(
+    aliases: _Aliases, claim: LoopClaim, *, name: str, t: Terms, u: _Sizes, s: _Sums, scaling: arb, y: TaylorModel
 ) -> bool:
     """Return the bound with all terms at the frequency itself as one quotient, which is sharper near its peak.
 
@@ -400,14 +400,14 @@ def joint_claim_measure(
         rows = t.G_den * (t.K_num * t.P_den + t.P_num * t.K_den * (1 / scaling))
         return bool(lower_bound(den * t.closed * t.P_den - (num + den * (s.FF + scaling)) * rows) > 0)
     if claim.inverse:
-        left = 1 - u.FKS * s.G - product_or_zero(u.KS + u.FKS, s.GF)
+        left = 1 - u.FKS * s.G - _product_or_zero(u.KS + u.FKS, s.GF)
         channel = t.K_den
     elif claim.perturbation == "operator":
-        left = 1 - product_or_zero(u.KS**2, s.FF)
+        left = 1 - _product_or_zero(u.KS**2, s.FF)
         left = left.abs_lower().sqrt() if left > 0 else left
         channel = t.K_num
     else:
-        left = (1 - product_or_zero(u.KS, s.F)) / (1 if performance else u.hold)
+        left = (1 - _product_or_zero(u.KS, s.F)) / (1 if performance else u.hold)
         channel = t.K_num
     if not left > 0:
         return False
@@ -419,12 +419,12 @@ def joint_claim_measure(
     return bool(lower_bound(rest) > 0 and lower_bound(rest * rest - a * b * 4) > 0)
 
 
-def product_or_zero(size: arb, total: arb) -> arb:
+def _product_or_zero(size: arb, total: arb) -> arb:
     """Return size times total, zero where the size is zero."""
     return arb(0) if size == 0 else size * total
 
 
-def largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
+def _largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
     """Largest singular value of [[a, b], [c, d]], all nonnegative."""
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
@@ -435,7 +435,7 @@ def prove_with_aliases(
     """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
         raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {names[0]!r}")
-    aliases = Aliases(claim, axis.dt)
+    aliases = _Aliases(claim, axis.dt)
     samples = int((to_rational(claim.delay) / axis.dt + to_rational(WHOLE_SAMPLES)).floor())
     if samples:
         G, K, *_ = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt)
@@ -444,18 +444,18 @@ def prove_with_aliases(
     terms: Callable[[arb, arb], Terms] = sampled_terms(axis, found, samples)
 
     @lru_cache(maxsize=4096)  # some 15 kB each
-    def known(low: float, high: float) -> tuple[Terms, Sizes, Sums]:
+    def known(low: float, high: float) -> tuple[Terms, _Sizes, _Sums]:
         a, b = arb(low), arb(high)
         others, t = aliases.sums(a, b), terms((a + b) / 2, (b - a) / 2)
-        return t, bound_sizes(aliases, t, low=a, high=b, others=others), others
+        return t, _bound_sizes(aliases, t, low=a, high=b, others=others), others
 
     def holds(name: str, low: float, high: float) -> bool:
         t, sizes, others = known(low, high)
-        bound = claim_measure(claim, name, u=sizes, s=others, scaling=scaling)
-        y = squared_line(arb(low), arb(high))
-        near = bool(bound < REFINEMENT_FACTOR)
+        bound = _claim_measure(claim, name, u=sizes, s=others, scaling=scaling)
+        y = _squared_line(arb(low), arb(high))
+        near = bool(bound < _REFINEMENT_FACTOR)
         return bool(bound < 1) or (
-            near and joint_claim_measure(aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y)
+            near and _joint_claim_measure(aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y)
         )
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)

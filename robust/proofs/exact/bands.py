@@ -35,9 +35,9 @@ from robust.proofs.exact.polynomials import (
     undecided,
 )
 
-END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
-SINGULAR = "the inequality is an equality at every frequency"
-TIME_UP = "undecided, as time was up"
+_END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
+_SINGULAR = "the inequality is an equality at every frequency"
+_TIME_UP = "undecided, as time was up"
 
 #: A system at one point and its adjoint there: X(s) and X(-s)', on the axis X and X*.
 Pair: TypeAlias = tuple[ExactMatrix, ExactMatrix]
@@ -152,7 +152,7 @@ def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
     if not dt:
         return band
     low, high = (float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf for omega in band)
-    return low * (1 - END_ROUNDING), high * (1 + END_ROUNDING)
+    return low * (1 - _END_ROUNDING), high * (1 + _END_ROUNDING)
 
 
 def frequency_of_point(x: float, dt: float) -> float:
@@ -189,13 +189,13 @@ def cut_at_crossings(
     >>> holds(0.71, 0.0), holds(0.70, 1.0), holds(0.71, 1.0), holds(1.0, 0.0)
     ([False, True], [False, True], [True], [True])
     """
-    p = determinant(parts, inequality, deadline)
+    p = _determinant(parts, inequality, deadline)
     if p is None:
-        return TIME_UP
+        return _TIME_UP
     if not p:
-        return SINGULAR
-    ends = pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
-    pieces = [look_inside(*each, parts, inequality) for each in ends]
+        return _SINGULAR
+    ends = _pieces_between_roots(p, to_rational(low), None if np.isinf(high) else to_rational(high))
+    pieces = [_look_inside(*each, parts, inequality) for each in ends]
     return [*pieces[:-1], replace(pieces[-1], high=high)]
 
 
@@ -221,9 +221,9 @@ def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) ->
     if not H.stability.holds:
         return H.stability
     inequality = gain_below(level)
-    p = determinant([H], inequality, deadline)
+    p = _determinant([H], inequality, deadline)
     if p is None:
-        return undecided(TIME_UP)
+        return undecided(_TIME_UP)
     roots = complex_roots(p(fmpq_poly([0, -1]))) if p.degree() > 0 else []
     is_reached = p.degree() < H.order or any(y.imag == 0 and not y.real < 0 for y, _ in roots)
     if is_reached or not inequality([H.on_axis(fmpq(1))]).is_positive:
@@ -246,7 +246,7 @@ def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
     return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))
 
 
-def determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
+def _determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
     """Return d d~ det M as a polynomial in s^2, from its values at as many points; None for want of time."""
     counted = [part for part in parts if part.own_poles]
     order = sum(part.order for part in counted)
@@ -272,7 +272,7 @@ def determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadlin
     return p
 
 
-def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]]:
+def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]]:
     """Return the squares of the ends of each piece of ]low, high[ on which p(-x^2) has no root.
 
     high : None for infinity, in place of which a number beyond the last root stands.
@@ -280,7 +280,9 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
     first, last = low * low, None if high is None else high * high
     q = p(fmpq_poly([0, -1])) * fmpq_poly([-first, 1])
     q = q if last is None else q * fmpq_poly([-last, 1])
-    balls = sorted(ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0)  # of distinct roots apart
+    balls = sorted(
+        _ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0
+    )  # of distinct roots apart
     inside = [(below, above) for below, above in balls if above >= first and (last is None or below <= last)]
     if last is None:
         beyond = 4 * max(fmpq(1), inside[-1][1])
@@ -288,25 +290,25 @@ def pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tup
     return [(before[1], after[0]) for before, after in pairwise(inside)]
 
 
-def ends_of_ball(y: arb) -> tuple[fmpq, fmpq]:
+def _ends_of_ball(y: arb) -> tuple[fmpq, fmpq]:
     """Return both ends of a ball."""
-    middle, radius = exact_number(y.mid()), exact_number(y.rad())
+    middle, radius = _exact_number(y.mid()), _exact_number(y.rad())
     return middle - radius, middle + radius
 
 
-def exact_number(x: arb) -> fmpq:
+def _exact_number(x: arb) -> fmpq:
     """Return the number that a ball without radius is."""
     mantissa, exponent = x.man_exp()
     return fmpq(mantissa) * fmpq(2) ** int(exponent)
 
 
-def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality) -> Piece:
+def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality) -> Piece:
     """Return a piece with M at a point of it, geometrically in the middle where no pole is just there."""
     top = high
     for bits in count(64, 64):
         with ctx.workprec(bits):
             middle = arb(low) * arb(top) if low > 0 else arb(top) ** 2 / 64
-            x = exact_number(middle.sqrt().sqrt().mid())
+            x = _exact_number(middle.sqrt().sqrt().mid())
         if not low < x * x < top:
             continue
         try:
@@ -315,7 +317,7 @@ def look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequali
             top = x * x
             continue
         ends = [float(np.sqrt(to_float(y))) for y in (low, high)]
-        return Piece(low=ends[0] * (1 - END_ROUNDING), high=ends[1] * (1 + END_ROUNDING), x=x, M=M)
+        return Piece(low=ends[0] * (1 - _END_ROUNDING), high=ends[1] * (1 + _END_ROUNDING), x=x, M=M)
     raise AssertionError
 
 

@@ -17,9 +17,9 @@ PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
 #: The same of a set of continuous plants under a sampled controller, whose perturbations act at every alias.
 ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
-FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
-CLASSES = ("LTI", "statistical", "operator")
-CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
+_FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
+_CLASSES = ("LTI", "statistical", "operator")
+_CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
 
 
 @value
@@ -120,17 +120,17 @@ class LoopClaim:
                 raise ValueError(f"{name} must be a system, got none")
             if system is not None and system.D.shape != (1, 1):
                 raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
-        if (self.reads, self.inverse) not in FORMS:
+        if (self.reads, self.inverse) not in _FORMS:
             raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
         if self.shaping and "M" not in self.reads:
             raise ValueError(f"shaping must be left out but for coprime factors, got reads {self.reads}")
         if any(W.D.shape != (1, 1) for W in self.shaping):
             raise ValueError("shaping must have one input and one output")
-        if not self.claims or not set(self.claims) <= set(CLAIMS):
-            raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
-        if set(self.claims) & set(ALIASED.values()) and self.perturbation not in CLASSES:
+        if not self.claims or not set(self.claims) <= set(_CLAIMS):
+            raise ValueError(f"claims must be some of {', '.join(_CLAIMS)}, got {self.claims}")
+        if set(self.claims) & set(ALIASED.values()) and self.perturbation not in _CLASSES:
             raise ValueError(
-                f"perturbation must be one of {', '.join(CLASSES)} for {self.claims}, got {self.perturbation}"
+                f"perturbation must be one of {', '.join(_CLASSES)} for {self.claims}, got {self.perturbation}"
             )
         if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")

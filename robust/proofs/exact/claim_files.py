@@ -20,11 +20,11 @@ from nlfrf._base.files import parse_json, require_schema, write_json
 from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import Matrices
 
-VERSION = 1
+_VERSION = 1
 SQUARE, WHOLE = "square", "whole"  # of the arrays of a claim: as many columns as rows, integers
 
 
-class Claim(Protocol):
+class _Claim(Protocol):
     """A value that has files of its own."""
 
     SCHEMA: ClassVar[str]
@@ -33,7 +33,7 @@ class Claim(Protocol):
 
 
 T = TypeVar("T")
-C = TypeVar("C", bound=Claim)
+C = TypeVar("C", bound=_Claim)
 
 
 def to_plain(part: object) -> Json:
@@ -54,42 +54,42 @@ def from_plain(kind: type[T], given: object) -> T:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
         hints = get_type_hints(kind, include_extras=True)
-        return kind(**{name: part_from_plain(hints[name], part) for name, part in given.items()})
+        return kind(**{name: _part_from_plain(hints[name], part) for name, part in given.items()})
     except (TypeError, KeyError, IndexError, AttributeError) as error:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def part_from_plain(hint: object, given: Json) -> object:
+def _part_from_plain(hint: object, given: Json) -> object:
     """Return a part of a claim of the type that its field has."""
     kind = get_origin(hint) or hint
-    if kind in MAKERS:
-        return MAKERS[kind](get_args(hint), given)
+    if kind in _MAKERS:
+        return _MAKERS[kind](get_args(hint), given)
     if not isinstance(hint, type):
         raise TypeError(f"no part is of type {hint}")
     made: object = from_plain(hint, given) if is_dataclass(hint) else hint(given)
     return made
 
 
-def part_of_union(kinds: tuple[object, ...], given: Json) -> object:
+def _part_of_union(kinds: tuple[object, ...], given: Json) -> object:
     """Return None, or a part of that type, of several, whose entries were given; else of the first."""
     if given is None:
         return None
     fitting = [one for one in kinds if is_dataclass(one) and {each.name for each in fields(one)} == set(given)]
-    return part_from_plain((*fitting, kinds[0])[0], given)
+    return _part_from_plain((*fitting, kinds[0])[0], given)
 
 
-def annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
+def _annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
     """Return an array of integers, or a square one."""
     return np.array(given, dtype=int) if kinds[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
 
 
-def tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
+def _tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
     """Return a tuple of parts, of one type each or all of the first."""
     kinds = kinds[:1] * len(given) if kinds[-1] is Ellipsis else kinds
-    return tuple(part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
+    return tuple(_part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
 
 
-def system_from_plain(given: JsonObject) -> Matrices:
+def _system_from_plain(given: JsonObject) -> Matrices:
     """Return one system from lists of numbers, whose empty ones have lost their shapes."""
     if set(given) != {*"ABCD", "dt"}:
         raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
@@ -104,13 +104,13 @@ def system_from_plain(given: JsonObject) -> Matrices:
 
 
 #: How a part is made of what was given, by the type of its field; of every other type its constructor makes it.
-MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
-    UnionType: part_of_union,
+_MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
+    UnionType: _part_of_union,
     np.ndarray: lambda _, given: np.array(given, dtype=float),
-    Annotated: annotated_array,
-    tuple: tuple_from_plain,
-    dict: lambda kinds, given: {str(name): part_from_plain(kinds[1], part) for name, part in given.items()},
-    Matrices: lambda _, given: system_from_plain(given),
+    Annotated: _annotated_array,
+    tuple: _tuple_from_plain,
+    dict: lambda kinds, given: {str(name): _part_from_plain(kinds[1], part) for name, part in given.items()},
+    Matrices: lambda _, given: _system_from_plain(given),
     bool: lambda _, given: given is True,
 }
 
@@ -132,7 +132,7 @@ def content_digest(given: JsonObject) -> str:
 
 def write_claim(
     path: str | os.PathLike[str],
-    claim: Claim,
+    claim: _Claim,
     *,
     found: Sequence[Mapping[str, object]] = (),
     read_from: JsonObject | None = None,
@@ -145,7 +145,7 @@ def write_claim(
     """
     entries: JsonObject = {
         "schema": claim.SCHEMA,
-        "version": VERSION,
+        "version": _VERSION,
         "units": {**claim.UNITS, **(units or {})},
         "loop": claim.LOOP,
         "claim": to_plain(claim),
@@ -165,8 +165,8 @@ def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != kind.SCHEMA:
         return None
-    if entries.get("version") != VERSION:
-        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
+    if entries.get("version") != _VERSION:
+        raise ValueError(f"path must have version {_VERSION}, got {entries.get('version')!r} in {str(path)!r}")
     if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "

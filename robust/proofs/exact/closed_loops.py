@@ -63,7 +63,7 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Deci
 
 def transfer_of_loop(plant: Matrices, controller: Matrices) -> TransferMatrix:
     """Return F_l(P, K) as an exact system; a ZeroDivisionError where the loop has no solution."""
-    return TransferMatrix.of_rationals(*closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt))
+    return TransferMatrix.of_rationals(*_closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt))
 
 
 def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | None:
@@ -76,13 +76,13 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
     array([-3.+0.j])
     """
     try:
-        A, _, _, _ = closed_loop(plant, controller)
+        A, _, _, _ = _closed_loop(plant, controller)
     except ZeroDivisionError:
         return None
     return polynomial_roots(A.charpoly())
 
 
-def closed_loop(plant: Matrices, controller: Matrices) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+def _closed_loop(plant: Matrices, controller: Matrices) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
     """F_l(P, K) over the rationals, all states kept; a ZeroDivisionError where the loop has no solution."""
     n_u, n_y = controller.D.shape
     w, z = plant.D.shape[1] - n_u, plant.D.shape[0] - n_y

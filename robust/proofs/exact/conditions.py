@@ -40,48 +40,48 @@ class Terms:
 def claim_inequalities(claim: str, reads: tuple[str, ...], *, inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
     """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
     if "M" in reads:
-        return coprime_inequalities(claim, t, scaling)
+        return _coprime_inequalities(claim, t, scaling)
     if claim == STABILITY:
-        return [stability_inequality(reads, t)]
+        return [_stability_inequality(reads, t)]
     if claim == OPERATOR_PERFORMANCE:
-        return scaled_norm_inequality(reads, inverse, t=t, scaling=scaling)
-    return performance_inequality(reads, inverse, t)
+        return _scaled_norm_inequality(reads, inverse, t=t, scaling=scaling)
+    return _performance_inequality(reads, inverse, t)
 
 
-def perturbation_channel(reads: tuple[str, ...], t: Terms) -> Quantity:
+def _perturbation_channel(reads: tuple[str, ...], t: Terms) -> Quantity:
     """|X|^2 with b = w X/(D + N)."""
     return (t.G_num if "G" in reads else t.G_den) * (t.K_num if "K" in reads else t.K_den)
 
 
-def stability_inequality(reads: tuple[str, ...], t: Terms) -> Quantity:
+def _stability_inequality(reads: tuple[str, ...], t: Terms) -> Quantity:
     """Return the inequality |b| < 1."""
-    return t.w_den * t.closed - t.w_num * perturbation_channel(reads, t)
+    return t.w_den * t.closed - t.w_num * _perturbation_channel(reads, t)
 
 
-def performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Quantity]:
+def _performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Quantity]:
     """|w_P| |S| (|1 - a b*| + |a - b|) < 1 - |b|^2 (SP 7.6 and `robust.lti.connections.worst_sensitivity`)."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     if not inverse:  # a = 0: |w_P S| + |b| < 1
-        return root_sum_inequality(
-            t.P_num * D * t.w_den, t.w_num * perturbation_channel(reads, t) * t.P_den, t.P_den * t.w_den * t.closed
+        return _root_sum_inequality(
+            t.P_num * D * t.w_den, t.w_num * _perturbation_channel(reads, t) * t.P_den, t.P_den * t.w_den * t.closed
         )
-    inside = stability_inequality(reads, t)
+    inside = _stability_inequality(reads, t)
     if reads:  # a = w G, b = a S
         size, outer, before = t.w_num * t.G_num, t.K_den, t.w_den * t.G_den
     else:  # a = w, b = a S
         size, outer, before = t.w_num, D, t.w_den
     centre = t.w_den * before * t.closed + size * size * outer - t.w_den * size * (D + t.cross) * 2
     edge = size * t.w_den * N
-    return [inside, *root_sum_inequality(t.P_num * outer * centre, t.P_num * outer * edge, t.P_den * inside * inside)]
+    return [inside, *_root_sum_inequality(t.P_num * outer * centre, t.P_num * outer * edge, t.P_den * inside * inside)]
 
 
-def root_sum_inequality(a: Quantity, b: Quantity, c: Quantity) -> list[Quantity]:
+def _root_sum_inequality(a: Quantity, b: Quantity, c: Quantity) -> list[Quantity]:
     """Return sqrt(a) + sqrt(b) < sqrt(c) as inequalities without roots."""
     rest = c - a - b
     return [rest, rest * rest - a * b * 4]
 
 
-def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, scaling: arb) -> list[Quantity]:
+def _scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, scaling: arb) -> list[Quantity]:
     """Largest singular value of diag(w, w_P/d) M diag(1, d) below one: |M|_F^2 < 1 + |det M|^2 and |det M| < 1."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     whole = t.w_den * t.P_den * t.closed
@@ -91,12 +91,12 @@ def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, s
         rows = w * t.K_num + P * t.K_den * (1 / scaling)
         columns = (t.G_num if "G" in reads else t.G_den) + t.G_den * scaling
         return [whole - rows * columns]
-    through = perturbation_channel(reads, t)
+    through = _perturbation_channel(reads, t)
     size, determinant = w * (through + N * scaling) + P * (through * (1 / scaling) + D), both * through
     return [whole - determinant, whole - size + determinant]
 
 
-def coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
+def _coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
     """Return the claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
 
     Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)
@@ -115,7 +115,10 @@ def coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
         centre = centre + t.w_num * t.w_num * plants * plants * t.K_den
         edge = t.w_num * (t.w_den - t.w_num) * t.K_num * WW * plants * plants
         over = t.P_num * t.K_den
-        return [inside, *root_sum_inequality(over * t.W_num * t.W_num * centre, over * edge, t.P_den * inside * inside)]
+        return [
+            inside,
+            *_root_sum_inequality(over * t.W_num * t.W_num * centre, over * edge, t.P_den * inside * inside),
+        ]
     whole = t.w_den * t.w_den * t.P_den * WW * t.closed
     errors = t.K_den * plants * (1 / scaling) + D * t.W_den
     inputs = controllers + t.K_num * t.W_den * scaling

@@ -51,19 +51,19 @@ from robust.proofs.exact.polynomials import (
 from robust.proofs.exact.verification import Verification, summarise_claims
 
 ALIASES = "every alias in the weights"
-BITS = 192
-FEW_SINGLE = 2  # aliases on either side taken one by one where that is enough
-CLEAR = (
+_BITS = 192
+_FEW_SINGLE = 2  # aliases on either side taken one by one where that is enough
+_CLEAR = (
     0.99  # what the sums are to stay below at the middle of an interval for more aliases not to be worth their price
 )
 MOST_INTERVALS = 4000
-NARROW = 1e-9  # relative width of an interval that is not cut any more
+_NARROW = 1e-9  # relative width of an interval that is not cut any more
 
-LEAST_SHARE = 1e-12  # of the largest term, as which a smaller one is weighed
+_LEAST_SHARE = 1e-12  # of the largest term, as which a smaller one is weighed
 
-ORDER = 6  # of the terms of Taylor polynomials
-NEAR = 0.5  # of the distance to a zero: an interval that reaches farther has it as a factor of its own
-UPWARD = 1 + 1e-9  # what rounding in a few sums of positive doubles is covered by
+_ORDER = 6  # of the terms of Taylor polynomials
+_NEAR = 0.5  # of the distance to a zero: an interval that reaches farther has it as a factor of its own
+_UPWARD = 1 + 1e-9  # what rounding in a few sums of positive doubles is covered by
 Number: TypeAlias = float | arb | acb
 
 
@@ -125,9 +125,9 @@ def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
     >>> [decide_folded(within(x))[ALIASES].holds for x in (0.103, 0.099)]
     [True, False]
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(_BITS):
         for part in claim.parts:
-            found = decide_part(FoldedSum(part, claim.dt))
+            found = _decide_part(_FoldedSum(part, claim.dt))
             if not found.holds:
                 return {ALIASES: found}
     return {ALIASES: proved()}
@@ -139,49 +139,49 @@ def verify_folded(claim: FoldedClaim, *, time_cap: float = 60.0) -> Verification
     return summarise_claims(decide_folded(claim))
 
 
-def decide_part(folded: FoldedSum) -> Decision:
+def _decide_part(folded: _FoldedSum) -> Decision:
     """Decide one part, interval by interval from zero to Nyquist."""
     waiting, last = [(0.0, float(np.nextafter(np.pi / folded.period, np.inf)), 0)], len(folded.singles) - 1
     for _ in range(MOST_INTERVALS):
         if not waiting:
             return proved()
         low, high, level = waiting.pop()
-        at = Interval(low, high, folded.dt)
+        at = _Interval(low, high, folded.dt)
         holds, reached = folded.decide(at, folded.singles[level])
         if holds:
             continue
-        if level < last and reached >= CLEAR:
+        if level < last and reached >= _CLEAR:
             waiting.append((low, high, level + 1))
             continue
         if reached >= 1 and low:
             return undecided(f"at {format_hertz(at.middle)} what folds down reaches {reached:.6g} of the weights")
-        if high - low <= NARROW * high or high < NARROW / folded.period:
+        if high - low <= _NARROW * high or high < _NARROW / folded.period:
             break
         cut = high / 8 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
         waiting += [(cut, high, level), (low, cut, 0)]
     return undecided(f"undecided from {format_hertz(low)} to {format_hertz(high)}")
 
 
-class Interval:
+class _Interval:
     """An interval of omega [rad/s]: its middle and half its width, omega = middle + u radius with u in [-1, 1]."""
 
     def __init__(self, low: float, high: float, dt: arb) -> None:
         self.middle, self.starts_at_zero = (low + high) / 2, low == 0
         self.radius = max(high - self.middle, self.middle - low) * (1 + 1e-15)
-        self.omega, self.omega_offset = Expansion.line(self.middle, self.radius), Expansion.line(0, self.radius)
-        self.s_offset = Expansion.line(0, acb(0, self.radius))
+        self.omega, self.omega_offset = _Expansion.line(self.middle, self.radius), _Expansion.line(0, self.radius)
+        self.s_offset = _Expansion.line(0, acb(0, self.radius))
         # z - 1, in which slow systems are precise, is z + z_offset; the coefficients are those of exp at most
         turn, angle = acb(0, dt * self.middle).exp(), dt * self.radius
         self.z = turn - 1
-        self.z_offset = Expansion(
-            series=(acb_series([0, acb(0, angle)], ORDER).exp() - 1) * turn,
-            bound=arb_series([0, angle], ORDER).exp() - 1,
+        self.z_offset = _Expansion(
+            series=(acb_series([0, acb(0, angle)], _ORDER).exp() - 1) * turn,
+            bound=arb_series([0, angle], _ORDER).exp() - 1,
             total=angle.expm1().abs_upper(),
         )
 
 
 @value(copy=False)
-class Expansion:
+class _Expansion:
     """A function of u in [-1, 1] by its Taylor series about zero, a bound of every coefficient and of their sum.
 
     `bound` has the absolute values of the coefficients below the order at most, `total` is at least the sum of all:
@@ -193,33 +193,33 @@ class Expansion:
     total: arb
 
     @classmethod
-    def line(cls, start: Number, slope: Number = 0) -> Expansion:
+    def line(cls, start: Number, slope: Number = 0) -> _Expansion:
         """Return start + slope u."""
-        series = acb_series([acb(start), acb(slope)], ORDER)
-        return cls(series=series, bound=absolute(series), total=sum_of(absolute(series)))
+        series = acb_series([acb(start), acb(slope)], _ORDER)
+        return cls(series=series, bound=_absolute(series), total=_sum_of(_absolute(series)))
 
-    def __mul__(self, other: Expansion) -> Expansion:
-        return Expansion(
+    def __mul__(self, other: _Expansion) -> _Expansion:
+        return _Expansion(
             series=self.series * other.series,
             bound=self.bound * other.bound,
             total=(self.total * other.total).abs_upper(),
         )
 
-    def __add__(self, other: Expansion) -> Expansion:
-        return Expansion(
+    def __add__(self, other: _Expansion) -> _Expansion:
+        return _Expansion(
             series=self.series + other.series,
             bound=self.bound + other.bound,
             total=(self.total + other.total).abs_upper(),
         )
 
     @property
-    def conjugate(self) -> Expansion:
+    def conjugate(self) -> _Expansion:
         """The conjugate, of real u."""
-        series = acb_series([c.conjugate() for c in self.series.coeffs()], ORDER)
-        return Expansion(series=series, bound=self.bound, total=self.total)
+        series = acb_series([c.conjugate() for c in self.series.coeffs()], _ORDER)
+        return _Expansion(series=series, bound=self.bound, total=self.total)
 
     @property
-    def squared(self) -> Expansion:
+    def squared(self) -> _Expansion:
         """The squared magnitude, of real u."""
         return self * self.conjugate
 
@@ -227,7 +227,7 @@ class Expansion:
     def coefficients(self) -> list[acb]:
         """All coefficients below the order."""
         found = self.series.coeffs()
-        return found + [acb(0)] * (ORDER - len(found))
+        return found + [acb(0)] * (_ORDER - len(found))
 
     @property
     def ball(self) -> acb:
@@ -235,78 +235,80 @@ class Expansion:
         u, found = arb(0, 1), acb(0)
         for c in self.coefficients[::-1]:
             found = found * u + c
-        rest = arb(0, (self.total - sum_of(self.bound)).abs_upper())
+        rest = arb(0, (self.total - _sum_of(self.bound)).abs_upper())
         return found + acb(rest, rest)
 
 
-def absolute(series: acb_series) -> arb_series:
+def _absolute(series: acb_series) -> arb_series:
     """Return the absolute values of the coefficients."""
-    return arb_series([c.abs_upper() for c in series.coeffs()], ORDER)
+    return arb_series([c.abs_upper() for c in series.coeffs()], _ORDER)
 
 
-def sum_of(bound: arb_series) -> arb:
+def _sum_of(bound: arb_series) -> arb:
     """Return the sum of the coefficients."""
     return sum(bound.coeffs(), arb(0))
 
 
 @value(copy=False)
-class Logarithm:
+class _Logarithm:
     """A function of u that has no root, by the Taylor series of its logarithm and a bound of what follows."""
 
     value: acb
     series: acb_series
     rest: float
 
-    def __add__(self, other: Logarithm) -> Logarithm:
-        return Logarithm(value=self.value * other.value, series=self.series + other.series, rest=self.rest + other.rest)
+    def __add__(self, other: _Logarithm) -> _Logarithm:
+        return _Logarithm(
+            value=self.value * other.value, series=self.series + other.series, rest=self.rest + other.rest
+        )
 
     @property
-    def inverse(self) -> Logarithm:
+    def inverse(self) -> _Logarithm:
         """One over the function."""
-        return Logarithm(value=1 / self.value, series=-self.series, rest=self.rest)
+        return _Logarithm(value=1 / self.value, series=-self.series, rest=self.rest)
 
     @property
-    def function(self) -> Expansion:
+    def function(self) -> _Expansion:
         """The function itself."""
-        size, bound = self.value.abs_upper(), absolute(self.series)
-        return Expansion(
+        size, bound = self.value.abs_upper(), _absolute(self.series)
+        return _Expansion(
             series=self.series.exp() * self.value,
             bound=bound.exp() * size,
-            total=((sum_of(bound) + self.rest).exp() * size).abs_upper(),
+            total=((_sum_of(bound) + self.rest).exp() * size).abs_upper(),
         )
 
 
-def exponential(start: float, slope: float) -> Expansion:
+def _exponential(start: float, slope: float) -> _Expansion:
     """Return start exp(slope u)."""
-    return Logarithm(value=acb(start), series=acb_series([0, acb(slope)], ORDER), rest=0.0).function
+    return _Logarithm(value=acb(start), series=acb_series([0, acb(slope)], _ORDER), rest=0.0).function
 
 
 @value(copy=False)
-class Product:
+class _Product:
     """A function that has no root, and a factor with roots or none."""
 
-    smooth: Logarithm
-    roots: Expansion | None = None
+    smooth: _Logarithm
+    roots: _Expansion | None = None
 
-    def __mul__(self, other: Product) -> Product:
+    def __mul__(self, other: _Product) -> _Product:
         found = self.roots if other.roots is None else other.roots if self.roots is None else self.roots * other.roots
-        return Product(smooth=self.smooth + other.smooth, roots=found)
+        return _Product(smooth=self.smooth + other.smooth, roots=found)
 
     @property
-    def inverse(self) -> Product:
+    def inverse(self) -> _Product:
         """One over the function; ValueError where it may have a root."""
         if self.roots is not None:
             raise ValueError("a root may lie within")
-        return Product(smooth=self.smooth.inverse)
+        return _Product(smooth=self.smooth.inverse)
 
     @property
-    def function(self) -> Expansion:
+    def function(self) -> _Expansion:
         """The function itself."""
         return self.smooth.function if self.roots is None else self.smooth.function * self.roots
 
 
 @value(copy=False)
-class Factored:
+class _Factored:
     """A transfer function by its gain and its roots in s or z - 1, as balls."""
 
     gain: arb
@@ -314,52 +316,52 @@ class Factored:
     poles: tuple[acb, ...]
 
     @classmethod
-    def of(cls, system: Quotient, *, at_one: bool = False) -> Factored:
+    def of(cls, system: Quotient, *, at_one: bool = False) -> _Factored:
         """Return a quotient of polynomials over the rationals in s, or in z where `at_one`."""
         num, den = (p(fmpq_poly([1, 1])) if at_one else p for p in (system.num, system.den))
         if not num:
             return cls(gain=arb(0), zeros=(), poles=())
         gain = arb(num[num.degree()] / den[den.degree()])
-        return cls(gain=gain, zeros=all_roots(num), poles=all_roots(den))
+        return cls(gain=gain, zeros=_all_roots(num), poles=_all_roots(den))
 
-    def at(self, start: acb, offset: Expansion) -> Product:
+    def at(self, start: acb, offset: _Expansion) -> _Product:
         """Return it at start + offset, which is zero in the middle; ValueError where a pole may lie within."""
         zeros, poles = ([start - x for x in roots] for roots in (self.zeros, self.poles))
         size = float(offset.total.upper())
-        near = [x for x in zeros if not size < NEAR * float(abs(x).mid())]
-        far = [x for x in zeros if size < NEAR * float(abs(x).mid())]
+        near = [x for x in zeros if not size < _NEAR * float(abs(x).mid())]
+        far = [x for x in zeros if size < _NEAR * float(abs(x).mid())]
         shares = [size / float(abs(x).lower()) for x in (*far, *poles) if x.abs_lower() > 0]
         if len(shares) < len(far) + len(poles) or not all(share < 1 for share in shares):
             raise ValueError("a pole may lie within")
-        step, one = acb_series([0, 1], ORDER), acb_series([1], ORDER)
+        step, one = acb_series([0, 1], _ORDER), acb_series([1], _ORDER)
         ratio = prod((step / x + 1 for x in far), start=one) / prod((step / x + 1 for x in poles), start=one)
         series = ratio.log()
-        bound = absolute(series)
+        bound = _absolute(series)
         beyond = sum((c * offset.total**k for k, c in enumerate(bound.coeffs()) if k), arb(0))
-        rest = float((beyond - sum_of(bound(offset.bound))).abs_upper())
-        smooth = Logarithm(
+        rest = float((beyond - _sum_of(bound(offset.bound))).abs_upper())
+        smooth = _Logarithm(
             value=prod(far, start=acb(self.gain)) / prod(poles, start=acb(1)),
             series=series(offset.series),
-            rest=(rest + sum(share**ORDER / ORDER / (1 - share) for share in shares)) * UPWARD,
+            rest=(rest + sum(share**_ORDER / _ORDER / (1 - share) for share in shares)) * _UPWARD,
         )
-        roots = prod((Expansion.line(x) + offset for x in near), start=Expansion.line(1)) if near else None
-        return Product(smooth=smooth, roots=roots)
+        roots = prod((_Expansion.line(x) + offset for x in near), start=_Expansion.line(1)) if near else None
+        return _Product(smooth=smooth, roots=roots)
 
 
-def all_roots(p: fmpq_poly) -> tuple[acb, ...]:
+def _all_roots(p: fmpq_poly) -> tuple[acb, ...]:
     """Return every root as often as it is one."""
     return tuple(root for root, many in complex_roots(p) for _ in range(many)) if p.degree() > 0 else ()
 
 
 @value(copy=False)
-class Term:
+class _Term:
     """One term of both sums: |h_k|, M_k by rows, |w_r,i,k/v_r,i|^2 for every i."""
 
-    hold: Expansion
-    M: list[list[Expansion]]
-    right: list[Expansion]
+    hold: _Expansion
+    M: list[list[_Expansion]]
+    right: list[_Expansion]
 
-    def size(self, V: list[Product]) -> tuple[float, float]:
+    def size(self, V: list[_Product]) -> tuple[float, float]:
         """Largest singular value of V_l M in the middle, and its logarithmic derivative, in floating point.
 
         V : one over each V_l. So m_k does not depend on what the sampled weights are.
@@ -372,30 +374,30 @@ class Term:
 
 
 @value(copy=False)
-class Sums:
+class _Sums:
     """The sum of |h_k|/m_k M_k M_k* by rows, and those of |h_k| m_k |w_r,i,k/v_r,i|^2."""
 
-    left: list[list[Expansion]]
-    right: list[Expansion]
+    left: list[list[_Expansion]]
+    right: list[_Expansion]
 
 
-def both_sums(terms: list[Term], sizes: list[tuple[float, float]]) -> Sums:
+def _both_sums(terms: list[_Term], sizes: list[tuple[float, float]]) -> _Sums:
     """Return both sums with m_k = size exp(slope u)."""
-    n, zero = len(terms[0].M), Expansion.line(0)
+    n, zero = len(terms[0].M), _Expansion.line(0)
     left = [[zero] * n for _ in range(n)]
     right = [zero] * len(terms[0].right)
     for term, (size, slope) in zip(terms, sizes, strict=True):
-        share, weight = term.hold * exponential(1 / size, -slope), term.hold * exponential(size, slope)
+        share, weight = term.hold * _exponential(1 / size, -slope), term.hold * _exponential(size, slope)
         conjugates = [[x.conjugate for x in row] for row in term.M]
         for i, row in enumerate(term.M):
             weighted = [x * share for x in row]
             for j in range(i, n):
                 left[i][j] = sum((x * y for x, y in zip(weighted, conjugates[j], strict=True)), left[i][j])
         right = [x + weight * y for x, y in zip(right, term.right, strict=True)]
-    return Sums(left=left, right=right)
+    return _Sums(left=left, right=right)
 
 
-def best_balance(sums: Sums) -> tuple[float, tuple[float, float]]:
+def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
     """Return what both sums reach with all m_k times the best number, it and its logarithmic derivative (floating)."""
     left, left_slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in sums.left]) for k in (0, 1))
     right, right_slope = (np.array([float(x.coefficients[k].real.mid()) for x in sums.right]) for k in (0, 1))
@@ -408,7 +410,7 @@ def best_balance(sums: Sums) -> tuple[float, tuple[float, float]]:
     return float(np.sqrt(values[-1] * right[i])), (float(np.sqrt(values[-1] / right[i])), slope)
 
 
-def is_below_one(upper: list[list[acb]]) -> bool:
+def _is_below_one(upper: list[list[acb]]) -> bool:
     """Return whether a Hermitian matrix of balls, of which the upper half is given, is less than the identity."""
     n = len(upper)
     M = [[upper[i][j] if i <= j else upper[j][i].conjugate() for j in range(n)] for i in range(n)]
@@ -420,26 +422,26 @@ def is_below_one(upper: list[list[acb]]) -> bool:
     return len(pivots) == 2 * n and all(p > 0 for p in pivots)
 
 
-def diagonal(entries: list[Expansion]) -> list[list[Expansion]]:
+def _diagonal(entries: list[_Expansion]) -> list[list[_Expansion]]:
     """Return the rows of a diagonal matrix."""
-    zero = Expansion.line(0)
+    zero = _Expansion.line(0)
     return [[x if i == j else zero for j in range(len(entries))] for i, x in enumerate(entries)]
 
 
-def ratios_of(paths: Iterable[Quotient]) -> list[Ratio]:
+def _ratios_of(paths: Iterable[Quotient]) -> list[Ratio]:
     """Return the magnitudes of all that is not zero."""
     return [magnitude_ratio(path) for path in paths if path.num]
 
 
-def upper_sinc(x: Expansion) -> Expansion:
+def _upper_sinc(x: _Expansion) -> _Expansion:
     """Return a polynomial that is sin(x)/x or more, by at most 4e-7 up to pi/2: its series breaks off at a plus."""
-    minus, one, found = x * x * Expansion.line(-1), Expansion.line(1), Expansion.line(1)
+    minus, one, found = x * x * _Expansion.line(-1), _Expansion.line(1), _Expansion.line(1)
     for k in (72, 42, 20, 6):
-        found = one + minus * Expansion.line(arb(1) / k) * found
+        found = one + minus * _Expansion.line(arb(1) / k) * found
     return found
 
 
-def entries_of(system: Matrices) -> list[list[Quotient]]:
+def _entries_of(system: Matrices) -> list[list[Quotient]]:
     """Return the transfer functions of a system by outputs and inputs, with one denominator."""
     B, C, D = system.B, system.C, system.D
     return [
@@ -448,58 +450,58 @@ def entries_of(system: Matrices) -> list[list[Quotient]]:
     ]
 
 
-def inverse_of(system: Matrices) -> list[list[Factored]]:
+def _inverse_of(system: Matrices) -> list[list[_Factored]]:
     """Return the inverse of a square sampled system by rows: d adj(N)/det(N) of N/d, less d^(n - 1) in both."""
-    entries = entries_of(system)
+    entries = _entries_of(system)
     n, d = len(entries), entries[0][0].den
     N = [[entry.num for entry in row] for row in entries]
     common = d ** (n - 1)
-    den = determinant(N) // common  # exact: N is C adj(z - A) B + d D
+    den = _determinant(N) // common  # exact: N is C adj(z - A) B + d D
     if not den:
         raise ValueError("sampled must have an inverse, got a plant that has none at any frequency")
 
     def cofactor(i: int, j: int) -> fmpq_poly:
         minor = [row[:i] + row[i + 1 :] for k, row in enumerate(N) if k != j]
-        return determinant(minor) * (-1) ** (i + j) * d // common
+        return _determinant(minor) * (-1) ** (i + j) * d // common
 
     rows = [[Quotient(num=cofactor(i, j), den=den, degree=0) for j in range(n)] for i in range(n)]
-    return [[Factored.of(entry, at_one=True) for entry in row] for row in rows]
+    return [[_Factored.of(entry, at_one=True) for entry in row] for row in rows]
 
 
-def determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
+def _determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
     """Return the determinant of a matrix of polynomials, one of a matrix of none."""
     if not rows:
         return fmpq_poly([1])
     first, *others = rows
     return sum(
-        (x * determinant([row[:j] + row[j + 1 :] for row in others]) * (-1) ** j for j, x in enumerate(first)),
+        (x * _determinant([row[:j] + row[j + 1 :] for row in others]) * (-1) ** j for j, x in enumerate(first)),
         fmpq_poly([0]),
     )
 
 
-class FoldedSum:
+class _FoldedSum:
     """A part with all of it that does not depend on frequency."""
 
     def __init__(self, part: FoldedPart, dt: float) -> None:
         self.period, self.dt = dt, arb(to_rational(dt))
         self.step = 2 * arb.pi() / self.dt
         lefts, rights = ([transfer_quotient(w) for w in each] for each in (part.left, part.right))
-        self.left, self.right = ([Factored.of(w) for w in each] for each in (lefts, rights))
+        self.left, self.right = ([_Factored.of(w) for w in each] for each in (lefts, rights))
         self.V_left, self.V_right = (
-            [Factored.of(transfer_quotient(w), at_one=True) for w in each]
+            [_Factored.of(transfer_quotient(w), at_one=True) for w in each]
             for each in (part.sampled_left, part.sampled_right)
         )
-        entries = [] if part.plant is None else entries_of(part.plant)
-        self.G = [[Factored.of(g) for g in row] for row in entries]
-        self.inverse = [] if part.sampled is None else inverse_of(part.sampled)
+        entries = [] if part.plant is None else _entries_of(part.plant)
+        self.G = [[_Factored.of(g) for g in row] for row in entries]
+        self.inverse = [] if part.sampled is None else _inverse_of(part.sampled)
         plant = [g for row in entries for g in row]
         self.farthest = float(root_radius(*plant, *lefts, *rights)) / float(self.step.mid())
-        self.singles = (0, FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
+        self.singles = (0, _FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
         through = map(product_of_systems, plant, lefts * len(lefts)) if plant else lefts
-        F, right = ratios_of(through), [magnitude_ratio(w) for w in rights]
+        F, right = _ratios_of(through), [magnitude_ratio(w) for w in rights]
         self.tails = {k: self.tail(F, k) for k in self.singles}
         self.highest = {k: [self.largest_beyond(w, k) for w in right] for k in self.singles}
-        self.plant_tail = self.tail(ratios_of(plant), 0)
+        self.plant_tail = self.tail(_ratios_of(plant), 0)
 
     def tail(self, paths: list[Ratio], n: int) -> arb:
         """Upper bound of the sum of |h_k F_k| over |k| > n and over all F, without |sin(omega dt/2)|."""
@@ -515,7 +517,7 @@ class FoldedSum:
         sizes = (max_magnitude(w, *block) for block in blocks.intervals)
         return upper_end(reduce(arb.max, sizes, w.beyond(blocks.end) / blocks.end**w.order))
 
-    def decide(self, at: Interval, singles: int) -> tuple[bool, float]:
+    def decide(self, at: _Interval, singles: int) -> tuple[bool, float]:
         """Return whether both sums stay below one on an interval, and about what they reach at its middle.
 
         singles : aliases on either side that are taken one by one.
@@ -526,40 +528,40 @@ class FoldedSum:
         except ValueError:
             return False, 0.0
         sizes = [term.size(V) for term in terms]
-        least = LEAST_SHARE * max(size for size, _ in sizes)
-        sums = both_sums(terms, [(size, slope) if size > least else (least, 0.0) for size, slope in sizes])
-        reached, (factor, slope) = best_balance(sums)
+        least = _LEAST_SHARE * max(size for size, _ in sizes)
+        sums = _both_sums(terms, [(size, slope) if size > least else (least, 0.0) for size, slope in sizes])
+        reached, (factor, slope) = _best_balance(sums)
         if not reached < 1:
             return False, reached
-        times, over = exponential(factor, slope), exponential(1 / factor, -slope)
+        times, over = _exponential(factor, slope), _exponential(1 / factor, -slope)
         right = all((x * times).ball.real < 1 for x in sums.right)
-        return right and is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
+        return right and _is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
 
-    def terms(self, at: Interval, V: list[Product], singles: int) -> Iterator[Term]:
+    def terms(self, at: _Interval, V: list[_Product], singles: int) -> Iterator[_Term]:
         """Yield the terms of both sums, the first one of all aliases that are not taken one by one. V : 1/V_l.
 
         ValueError where a pole is near.
         """
         v = [w.at(at.z, at.z_offset).inverse.function.squared for w in self.V_right]
         inverse = [[y.at(at.z, at.z_offset) for y in row] for row in self.inverse]
-        rest = [v[i] * Expansion.line(w * w) for i, w in enumerate(self.highest[singles])]
-        sinc = upper_sinc(at.omega * Expansion.line(self.dt / 2))
+        rest = [v[i] * _Expansion.line(w * w) for i, w in enumerate(self.highest[singles])]
+        sinc = _upper_sinc(at.omega * _Expansion.line(self.dt / 2))
         scaled = [[(V[i] * y).function for y in row] for i, row in enumerate(inverse)]
-        yield Term(
-            hold=sinc * at.omega * Expansion.line(self.dt / 2 * self.tails[singles]),
-            M=scaled or diagonal([x.function for x in V]),
+        yield _Term(
+            hold=sinc * at.omega * _Expansion.line(self.dt / 2 * self.tails[singles]),
+            M=scaled or _diagonal([x.function for x in V]),
             right=rest,
         )
         for k in range(-singles, singles + 1):
             start = acb(0, at.middle + k * self.step)
             right = [w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)]
-            hold = sinc * self.hold_share(at, k) if k else Expansion.line(1) if inverse and at.starts_at_zero else sinc
+            hold = sinc * self.hold_share(at, k) if k else _Expansion.line(1) if inverse and at.starts_at_zero else sinc
             for M in self.alias_matrices(at, V, inverse, start, k):
-                yield Term(hold=hold, M=M, right=right)
+                yield _Term(hold=hold, M=M, right=right)
 
     def alias_matrices(
-        self, at: Interval, V: list[Product], inverse: list[list[Product]], start: acb, k: int
-    ) -> list[list[list[Expansion]]]:
+        self, at: _Interval, V: list[_Product], inverse: list[list[_Product]], start: acb, k: int
+    ) -> list[list[list[_Expansion]]]:
         """Return M_k, or two that stand for |h_0| M_0 on an interval from zero on, where the plant may have a pole.
 
         There G_0 is not taken: h_0 G_0 is G_d less the sum of the other h_k G_k, so that G_d^-1 h_0 G_0 is off from one
@@ -567,22 +569,22 @@ class FoldedSum:
         """
         W, n = [w.at(start, at.s_offset) for w in self.left], len(V)
         if inverse and (k or not at.starts_at_zero):
-            zero, G = Expansion.line(0), [[g.at(start, at.s_offset) for g in row] for row in self.G]
+            zero, G = _Expansion.line(0), [[g.at(start, at.s_offset) for g in row] for row in self.G]
             return [
                 [
                     [sum(((V[i] * inverse[i][m] * G[m][j] * W[j]).function for m in range(n)), zero) for j in range(n)]
                     for i in range(n)
                 ]
             ]
-        direct = diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
+        direct = _diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
         if not inverse:
             return [direct]
         size = sum((y.function.total * y.function.total for row in inverse for y in row), arb(0)).sqrt()
         off = size * self.plant_tail * self.dt * arb(at.middle + at.radius) / 2
-        most = Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
-        return [diagonal([x.function * most for x in V]), direct]
+        most = _Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
+        return [_diagonal([x.function * most for x in V]), direct]
 
-    def hold_share(self, at: Interval, k: int) -> Expansion:
+    def hold_share(self, at: _Interval, k: int) -> _Expansion:
         """Return |h_k/h_0| = |omega/omega_k|."""
-        share = Factored(gain=arb(1 if k > 0 else -1), zeros=(acb(0),), poles=(acb(-k * self.step),))
+        share = _Factored(gain=arb(1 if k > 0 else -1), zeros=(acb(0),), poles=(acb(-k * self.step),))
         return share.at(acb(at.middle), at.omega_offset).function

@@ -156,7 +156,7 @@ class IntervalClaim:
         n = self.system.order
         if not n:
             raise ValueError("system must have states for intervals of the frequency, got none")
-        if self.cuts.shape != (len(self.pieces) - 1,) or not is_increasing(self.cuts):
+        if self.cuts.shape != (len(self.pieces) - 1,) or not _is_increasing(self.cuts):
             raise ValueError(f"cuts must be one less than pieces, positive and increasing, got {self.cuts}")
         wanted = [(self.stability, n), (self.T, n)]
         for piece in self.pieces:
@@ -176,12 +176,12 @@ class IntervalClaim:
         return np.column_stack([ends[:-1], ends[1:]])
 
 
-def is_increasing(cuts: np.ndarray) -> bool:
+def _is_increasing(cuts: np.ndarray) -> bool:
     """Return whether cuts are finite, positive and increasing."""
     return bool(np.isfinite(cuts).all() and np.all(np.diff(cuts) > 0) and np.all(cuts > 0))
 
 
-def decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
+def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     """Decide stability, and the level on every interval.
 
     1/(s + 1) has mu of one at zero frequency; P = 1 shows that it is no larger anywhere, whatever small Q.
@@ -191,7 +191,7 @@ def decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     >>> one = IntervalProof(P=matrix(1.0), Q=matrix(1e-9), scalings=(matrix(1.0),), skews=(matrix(0.0),))
     >>> known = dict(system=lag, blocks=((1, 1, "full"),), stability=np.ones((1, 1)), T=np.ones((1, 1)))
     >>> known |= dict(cuts=np.array([0.5]), pieces=(one, one))
-    >>> [decide_intervals(IntervalClaim(level=x, **known))[LEVEL].holds for x in (0.99, 1.01)]
+    >>> [_decide_intervals(IntervalClaim(level=x, **known))[LEVEL].holds for x in (0.99, 1.01)]
     [False, True]
     """
     loop = ExactLoop.of(claim)
@@ -262,7 +262,7 @@ class ExactLoop:
     def holds(self, piece: IntervalProof, low: float, high: float | None) -> bool:
         """Return whether a piece proves its interval; high : None for infinity."""
         P, Q, g, f, y, u = piece.P.exact, piece.Q.exact, self.g, self.f, self.y, self.u
-        if not (P.is_hermitian and Q.is_positive and has_structure(piece, self.blocks)):
+        if not (P.is_hermitian and Q.is_positive and _has_structure(piece, self.blocks)):
             return False
         X_L, X_R, K = (ComplexMatrix.of(M).exact for M in piece.placed(self.blocks))
         across = (f.H * Q * g).times_j().times(fmpq(1, 2))
@@ -278,7 +278,7 @@ class ExactLoop:
         return (storage + storage.H + within + gain).times(fmpq(-1)).is_positive
 
 
-def has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
+def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
     """Return whether each X is Hermitian and positive definite, and K* = -K on a real block, zero on any other."""
     return all(
         X.exact.is_positive and K.exact.times_j().is_hermitian and (kind == "real" or not (K.re.any() or K.im.any()))
@@ -288,7 +288,7 @@ def has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
 
 def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
     """Decide stability and level of either claim."""
-    return decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
+    return _decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
 
 
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:

@@ -35,8 +35,8 @@ from robust.proofs.exact.stability import (
 from robust.proofs.exact.taylor_models import positive_on_intervals
 from robust.proofs.exact.verification import Verification, summarise_claims
 
-BITS = (192, 320, 640, 2048)
-MAX_STATES = 400
+_BITS = (192, 320, 640, 2048)
+_MAX_STATES = 400
 NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 
 
@@ -74,9 +74,9 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     try:
         decided: dict[str, Decision] = {}
         first = any(name in ALIASED.values() for name in claim.claims)  # with aliases 192 seldom suffice
-        for bits in BITS[first:]:
+        for bits in _BITS[first:]:
             with ctx.workprec(bits):
-                decide_claims(claim, decided, deadline)
+                _decide_claims(claim, decided, deadline)
             if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
                 break
     except ValueError as error:
@@ -84,11 +84,11 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     return summarise_claims(decided)
 
 
-def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
+def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
     """Decide the claims that are still open, at the precision of the moment."""
     axis = claim_on_axis(claim)
-    if axis.G.degree + axis.K.degree > MAX_STATES:
-        raise ValueError(f"the loop must have at most {MAX_STATES} states to be verified")
+    if axis.G.degree + axis.K.degree > _MAX_STATES:
+        raise ValueError(f"the loop must have at most {_MAX_STATES} states to be verified")
 
     def open_still(name: str) -> bool:
         return name not in decided or decided[name].needs_digits
@@ -96,7 +96,7 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
     if open_still(NOMINAL):
         decided[NOMINAL] = decide_quotient_stability(axis.G, axis.K, axis.delay)
     if open_still(WEIGHTS):
-        decided[WEIGHTS] = check_weights(axis)
+        decided[WEIGHTS] = _check_weights(axis)
     if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
         needs_digits = decided[NOMINAL].needs_digits or decided[WEIGHTS].needs_digits
         decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
@@ -113,7 +113,7 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
             return claim_inequalities(name, claim.reads, inverse=claim.inverse, t=terms, scaling=scaling)
 
         if axis.algebraic:
-            decided[name] = prove_on_half_line(
+            decided[name] = _prove_on_half_line(
                 axis,
                 inequalities(polynomial_terms(found)),
                 ends=inequalities(terms_at_infinity(found)),
@@ -123,7 +123,7 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
             decided[name] = positive_on_intervals(axis, found, inequalities=inequalities, deadline=deadline)
 
 
-def check_weights(axis: Axis) -> Decision:
+def _check_weights(axis: Axis) -> Decision:
     """Every pole of the weights strictly stable; of what scales the plant every zero too."""
     parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
     for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
@@ -132,7 +132,7 @@ def check_weights(axis: Axis) -> Decision:
     return proved()
 
 
-def prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float) -> Decision:
+def _prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float) -> Decision:
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
@@ -140,11 +140,11 @@ def prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Qu
             return refuted(text) if end <= 0 else undecided(text, needs_digits=True)
         found = positive_on_half_line(expression, deadline=deadline)
         if not found.holds:
-            return frequency_of(axis, found)
+            return _frequency_of(axis, found)
     return proved()
 
 
-def frequency_of(axis: Axis, found: Decision) -> Decision:
+def _frequency_of(axis: Axis, found: Decision) -> Decision:
     """Return a place y on the axis as a frequency [rad/s], only to be read."""
     from math import atan, sqrt
 

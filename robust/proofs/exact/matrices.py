@@ -15,7 +15,7 @@ from robust.proofs.exact.polynomials import (
     Coefficient,
 )
 
-BITS = (128, 512)
+_BITS = (128, 512)
 AnyMatrix = TypeVar("AnyMatrix", fmpq_mat, arb_mat)
 
 
@@ -32,7 +32,7 @@ def positive_definite(matrix: fmpq_mat) -> bool:
     rows = matrix.tolist()
     if any(rows[i][j] != rows[j][i] for i in range(len(rows)) for j in range(i)):
         raise ValueError("matrix must be symmetric, got one that is not")
-    for bits in BITS:
+    for bits in _BITS:
         with ctx.workprec(bits):
             pivots = ldl_pivots([[arb(x) for x in row] for row in rows])
         if all(p > 0 for p in pivots):

@@ -119,7 +119,7 @@ def moebius_transform(p: Polynomial, degree: int) -> Polynomial:
 
 
 @value
-class Roots:
+class _Roots:
     """gain prod (s - zeros) / prod (s - poles); of a discrete system all about z = 1, with z - 1 in place of s."""
 
     zeros: np.ndarray
@@ -135,7 +135,7 @@ class Roots:
         return np.where(on_pole, np.inf, np.where((points[:, None] == self.zeros).any(axis=1), 0.0, values))
 
 
-def exact_roots(system: Matrices) -> Roots:
+def exact_roots(system: Matrices) -> _Roots:
     """Return the exact transfer function, its roots to the last digit.
 
     >>> import numpy as np
@@ -148,9 +148,9 @@ def exact_roots(system: Matrices) -> Roots:
     shift = fmpq_poly([1, 1] if system.dt else [0, 1])
     num, den = exact.num(shift), exact.den(shift)
     if not num:
-        return Roots(zeros=np.zeros(0, complex), poles=polynomial_roots(den), gain=0.0)
+        return _Roots(zeros=np.zeros(0, complex), poles=polynomial_roots(den), gain=0.0)
     lead = num[num.degree()] / den[den.degree()]
-    return Roots(zeros=polynomial_roots(num), poles=polynomial_roots(den), gain=float(int(lead.p) / int(lead.q)))
+    return _Roots(zeros=polynomial_roots(num), poles=polynomial_roots(den), gain=float(int(lead.p) / int(lead.q)))
 
 
 def polynomial_roots(p: fmpq_poly) -> np.ndarray:
@@ -170,8 +170,8 @@ def complex_roots(p: fmpq_poly) -> list[tuple[acb, int]]:
 # Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. Pieces shrink
 # with the square root of the distance from zero, so that a polynomial that nearly touches zero takes few more.
 
-MIN_RELATIVE_WIDTH = 1e-13
-MAX_PIECES = 4000
+_MIN_RELATIVE_WIDTH = 1e-13
+_MAX_PIECES = 4000
 
 
 @value
@@ -214,7 +214,7 @@ def undecided(reason: str, *, needs_digits: bool = False) -> Decision:
 
 # ---- Routh's array: whether every root lies in the open left half plane, all of its first column positive.
 
-ROUTH_BITS = (192, 768, 3072)
+_ROUTH_BITS = (192, 768, 3072)
 TOO_NEAR_BOUNDARY = "not told from the stability boundary"
 
 
@@ -251,7 +251,7 @@ def routh(p: Polynomial, degree: int) -> Decision:
     """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
     if isinstance(p, arb_poly):
         return hurwitz(p, degree)
-    for bits in ROUTH_BITS:
+    for bits in _ROUTH_BITS:
         with ctx.workprec(bits):
             found = hurwitz(arb_poly(p), degree)
         if not found.needs_digits:
@@ -262,7 +262,7 @@ def routh(p: Polynomial, degree: int) -> Decision:
 # ---- Signs on a half line, by Bernstein coefficients.
 
 
-class Signs(Enum):
+class _Signs(Enum):
     """What the Bernstein coefficients of a piece say of it."""
 
     POSITIVE = auto()
@@ -270,7 +270,7 @@ class Signs(Enum):
     UNCLEAR = auto()
 
 
-def bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -> list[Coefficient]:
+def _bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -> list[Coefficient]:
     """Coefficients with the signs of the Bernstein coefficients of p on [low, high] (each a positive multiple)."""
     kind = type(p)
     n = p.degree()
@@ -279,11 +279,11 @@ def bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -
     return [coefficients[k] for k in range(n, -1, -1)]
 
 
-def bernstein_signs(coefficients: list[Coefficient]) -> Signs:
+def _bernstein_signs(coefficients: list[Coefficient]) -> _Signs:
     """Whether all are positive, so that the piece is, ends included; some negative; or unclear for want of digits."""
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
-        return Signs.POSITIVE
-    return Signs.MIXED if any(c < 0 for c in coefficients) else Signs.UNCLEAR
+        return _Signs.POSITIVE
+    return _Signs.MIXED if any(c < 0 for c in coefficients) else _Signs.UNCLEAR
 
 
 def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
@@ -300,52 +300,52 @@ def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decisio
         below = not coefficients or bool(coefficients[0] <= 0)
         text = "not positive at zero"
         return refuted(text, 0.0) if below else undecided(text, needs_digits=True)
-    low, high = root_bounds([arb(c) for c in coefficients])
+    low, high = _root_bounds([arb(c) for c in coefficients])
     todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
-    for _ in range(MAX_PIECES):
+    for _ in range(_MAX_PIECES):
         if not todo:
             return proved()
         if time.thread_time() > deadline:
             return undecided("undecided, as time was up")
         a, b = todo.pop()
-        found = bernstein_signs(
-            bernstein_coefficients(p, to_exact_number(p, a), to_exact_number(p, b))
+        found = _bernstein_signs(
+            _bernstein_coefficients(p, _to_exact_number(p, a), _to_exact_number(p, b))
             if np.isfinite(b)
-            else shifted_coefficients(p, a)
+            else _shifted_coefficients(p, a)
         )
-        if found is Signs.POSITIVE:
+        if found is _Signs.POSITIVE:
             continue
-        middle = geometric_midpoint(a, b)
-        if p(to_exact_number(p, middle)) <= 0:
+        middle = _geometric_midpoint(a, b)
+        if p(_to_exact_number(p, middle)) <= 0:
             return refuted("negative there", middle)
         if (
-            found is Signs.UNCLEAR
-            or (np.isfinite(b) and b - a <= MIN_RELATIVE_WIDTH * b)
+            found is _Signs.UNCLEAR
+            or (np.isfinite(b) and b - a <= _MIN_RELATIVE_WIDTH * b)
             or not 1e-290 < middle < 1e290
         ):
             return undecided(f"undecided near {middle:.6g}", needs_digits=True)
         todo += [(a, middle), (middle, b)]
-    return undecided(f"undecided after {MAX_PIECES} pieces")
+    return undecided(f"undecided after {_MAX_PIECES} pieces")
 
 
-def shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
+def _shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
     """Coefficients of p(low + y): all nonnegative where p has no root beyond; the last is only its sign at infinity."""
-    return list(p(type(p)([to_exact_number(p, low), 1])).coeffs())
+    return list(p(type(p)([_to_exact_number(p, low), 1])).coeffs())
 
 
-def to_exact_number(p: Polynomial, x: float) -> Coefficient:
+def _to_exact_number(p: Polynomial, x: float) -> Coefficient:
     """Return a double as an exact number of the kind that p has."""
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
 
-def geometric_midpoint(a: float, b: float) -> float:
+def _geometric_midpoint(a: float, b: float) -> float:
     """Return where to cut: geometrically, as roots lie decades apart."""
     if a == 0:
         return b / 64
     return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))
 
 
-def root_bounds(coefficients: list[arb]) -> tuple[float, float]:
+def _root_bounds(coefficients: list[arb]) -> tuple[float, float]:
     """About where the smallest and the largest root lie: only where to cut first, nothing rests on it."""
     logs = [float(abs(c).log().mid()) if abs(c) > 0 else -np.inf for c in coefficients]
     n = max(k for k, log in enumerate(logs) if np.isfinite(log))

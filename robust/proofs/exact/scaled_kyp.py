@@ -24,7 +24,7 @@ from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.matrices import positive_definite, stack
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
 
-KINDS = ("full", "repeated", "real")
+_KINDS = ("full", "repeated", "real")
 
 
 Block: TypeAlias = tuple[int, int, str]
@@ -36,7 +36,7 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
     if system.D.shape != (outputs, inputs):
         raise ValueError(f"blocks must add up to D, got {blocks} for shape {system.D.shape}")
     for rows, cols, kind in blocks:
-        if kind not in KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
+        if kind not in _KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
             raise ValueError(f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}")
     if not (np.isfinite(level) and level > 0):
         raise ValueError(f"level must be positive, got {level}")
@@ -104,7 +104,7 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
     A, B, C, D, P, T = (
         to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.P, claim.T)
     )
-    if not all(is_structured(*each) for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)):
+    if not all(_is_structured(*each) for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)):
         return refused | {LEVEL: undecided("the scaling does not commute with the perturbation")}
     P = T.transpose() * P * T
     P = (P + P.transpose()) / fmpq(2)
@@ -126,7 +126,7 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
 STABLE, LEVEL = "stability", "structured singular value"
 
 
-def is_structured(block: tuple[int, int, str], X: np.ndarray, G: np.ndarray) -> bool:
+def _is_structured(block: tuple[int, int, str], X: np.ndarray, G: np.ndarray) -> bool:
     """Return whether X is symmetric and positive definite, and G skew on a real block, zero on any other."""
     if not np.array_equal(X, X.T) or not np.array_equal(G, -G.T) or (block[2] != "real" and G.any()):
         return False

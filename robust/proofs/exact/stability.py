@@ -34,7 +34,7 @@ from robust.proofs.exact.polynomials import (
     zoh_quotient,
 )
 
-MAX_BITS = 4096
+_MAX_BITS = 4096
 
 
 def squared_magnitude(p: Polynomial) -> Polynomial:
@@ -55,11 +55,11 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
     if total[degree] == 0:
         return undecided("the loop without its delay is not well posed", needs_digits=True)
     bits = 128
-    while bits <= MAX_BITS:
+    while bits <= _MAX_BITS:
         with ctx.workprec(bits):
-            outside = roots_outside(total)
+            outside = _roots_outside(total)
             if outside is not None:
-                moved = delay_crossings(den, num, arb(delay))
+                moved = _delay_crossings(den, num, arb(delay))
                 if moved is not None:
                     count = outside + moved
                     return proved() if count == 0 else refuted(f"{count} poles are not stable")
@@ -67,7 +67,7 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
     return undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
 
 
-def roots_outside(p: fmpq_poly) -> int | None:
+def _roots_outside(p: fmpq_poly) -> int | None:
     """Return how many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
     count = 0
     for root, many in complex_roots(p):
@@ -78,7 +78,7 @@ def roots_outside(p: fmpq_poly) -> int | None:
     return count
 
 
-def delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
+def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
     """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
     balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
@@ -98,24 +98,24 @@ def delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
         turns = (omega * delay - angle) / (2 * pi)
         # crossings at tau > 0 have angle + 2 pi k > 0, those up to the delay k <= turns
         first, last = (-angle / (2 * pi)), turns
-        low, high = floor_or_none(first), floor_or_none(last)
+        low, high = _floor_or_none(first), _floor_or_none(last)
         if low is None or high is None:
             return None
         if many % 2:
-            rising = sign_of_slope(balance, root.real, many)
+            rising = _sign_of_slope(balance, root.real, many)
             if rising is None:
                 return None
             count += 2 * (high - low) * rising
     return count
 
 
-def floor_or_none(x: arb) -> int | None:
+def _floor_or_none(x: arb) -> int | None:
     """floor(x), None where the ball holds an integer."""
     floor = x.floor().unique_fmpz()
     return None if floor is None or x.contains_integer() else int(floor)
 
 
-def sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
+def _sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
     """Return the sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
     for _ in range(order):
         p = p.derivative()
@@ -126,7 +126,7 @@ def sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
 # ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, its terms along the
 # axis.
 
-WHOLE_SAMPLES, WHOLE_SAMPLES_DISCRETE, SAME_CLOCK = 1e-9, 1e-6, 1e-9
+WHOLE_SAMPLES, _WHOLE_SAMPLES_DISCRETE, _SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 
 @value
@@ -164,20 +164,20 @@ class Axis:
 def claim_on_axis(claim: LoopClaim) -> Axis:
     """Put the parts of a claim on one axis, by the rules that `LoopClaim` states, or refuse with a ValueError."""
     G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
-    w, w_timed = weight_quotient("weight", claim.weight, dt)
-    P, P_timed = (None, False) if claim.performance is None else weight_quotient("performance", claim.performance, dt)
-    W = shaping_product(claim, dt) if "M" in claim.reads else None
+    w, w_timed = _weight_quotient("weight", claim.weight, dt)
+    P, P_timed = (None, False) if claim.performance is None else _weight_quotient("performance", claim.performance, dt)
+    W = _shaping_product(claim, dt) if "M" in claim.reads else None
     return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
 
 
-def shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
+def _shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
     """Return the product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
         raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
     num = den = fmpq_poly([1])
     degree = 0
     for W in claim.shaping:
-        part, timed = weight_quotient("shaping", W, dt)
+        part, timed = _weight_quotient("shaping", W, dt)
         if timed:
             raise ValueError("shaping must be sampled as the loop is, got a continuous one")
         num, den, degree = num * part.num, den * part.den, degree + part.degree
@@ -192,11 +192,11 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
     delay = to_rational(seconds) if isinstance(seconds, float) else seconds
     dt = to_rational(plant.dt or K.dt)
     if plant.dt:
-        if K.order and not is_same_sampling_time(K.dt, plant.dt):
+        if K.order and not _is_same_sampling_time(K.dt, plant.dt):
             raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")
         samples = delay / dt
         whole = int((samples + to_rational(0.5)).floor())
-        if abs(samples - whole) > to_rational(WHOLE_SAMPLES_DISCRETE):
+        if abs(samples - whole) > to_rational(_WHOLE_SAMPLES_DISCRETE):
             raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
         G, delay = bilinear_image(delay_by_samples(transfer_quotient(plant), whole)), to_rational(0.0)
     elif dt:
@@ -210,18 +210,18 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
     return G, bilinear_image(transfer_quotient(K)) if dt else transfer_quotient(K), dt, delay
 
 
-def is_same_sampling_time(dt: float, other: float) -> bool:
+def _is_same_sampling_time(dt: float, other: float) -> bool:
     """Return whether two sampling times are the same but for rounding."""
-    return abs(dt - other) <= SAME_CLOCK * other
+    return abs(dt - other) <= _SAME_CLOCK * other
 
 
-def weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, bool]:
+def _weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, bool]:
     """Return a weight as a quotient, and whether it is continuous around a sampled loop."""
     found = transfer_quotient(system)
     if system.order == 0:
         return found, False
     if system.dt:
-        if not dt or not is_same_sampling_time(system.dt, int(dt.p) / int(dt.q)):
+        if not dt or not _is_same_sampling_time(system.dt, int(dt.p) / int(dt.q)):
             raise ValueError(f"{name} must be continuous or sampled as the loop is, got {system.dt} s")
         return bilinear_image(found), False
     return found, bool(dt)
@@ -322,7 +322,7 @@ def terms_at_infinity(found: Squares) -> Terms:
 # not, with nothing in between. A plant behind a hold has balls for coefficients, made smaller until they decide; only a
 # pole exactly on the boundary stays undecided there.
 
-POLE_BITS = (256, 1024, 4096)
+_POLE_BITS = (256, 1024, 4096)
 
 
 def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
@@ -339,7 +339,7 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
     [False, True]
     """
     found = undecided("not looked at", needs_digits=True)
-    for bits in POLE_BITS:
+    for bits in _POLE_BITS:
         with ctx.workprec(bits):
             G, K, _, rest = loop_on_axis(plant, controller, delay)
             found = decide_quotient_stability(G, K, rest)

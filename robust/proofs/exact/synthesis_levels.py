@@ -20,9 +20,9 @@ from robust.proofs.exact.matrices import identity, ldl_pivots, stack
 
 Balls: TypeAlias = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
-BITS = 192
-MOST_STATES = 40  # of the plant: a second a level
-MOST_STEPS = 60  # of Newton's iteration for the sign: a step halves the decades between the poles
+_BITS = 192
+_MOST_STATES = 40  # of the plant: a second a level
+_MOST_STEPS = 60  # of Newton's iteration for the sign: a step halves the decades between the poles
 
 
 def level_fails(
@@ -46,42 +46,44 @@ def level_fails(
     >>> [level_fails(P, np.eye(1), np.eye(1), x) for x in (0.70, 0.71)]                       # 1/sqrt(2)
     [True, False]
     """
-    if plant.order > MOST_STATES:
+    if plant.order > _MOST_STATES:
         return None
     w, z = plant.D.shape[1] - len(into_u), plant.D.shape[0] - out_of_y.shape[1]
-    with ctx.workprec(BITS):
-        A, B, C, D = (to_balls(getattr(plant, name)) for name in "ABCD")
-        inputs = stack([[identity_balls(w), arb_mat(w, into_u.shape[1])], [arb_mat(len(into_u), w), to_balls(into_u)]])
+    with ctx.workprec(_BITS):
+        A, B, C, D = (_to_balls(getattr(plant, name)) for name in "ABCD")
+        inputs = stack(
+            [[_identity_balls(w), arb_mat(w, into_u.shape[1])], [arb_mat(len(into_u), w), _to_balls(into_u)]]
+        )
         outputs = stack(
-            [[identity_balls(z), arb_mat(z, out_of_y.shape[1])], [arb_mat(len(out_of_y), z), to_balls(out_of_y)]]
+            [[_identity_balls(z), arb_mat(z, out_of_y.shape[1])], [arb_mat(len(out_of_y), z), _to_balls(out_of_y)]]
         )
         try:
-            parts = balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
-            parts = half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
-            return existence_fails(half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
+            parts = _balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
+            parts = _half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
+            return _existence_fails(_half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
         except ZeroDivisionError:
             return None
 
 
-def half_plane_image(plant: Balls, a: float, b: float) -> Balls:
+def _half_plane_image(plant: Balls, a: float, b: float) -> Balls:
     """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`.
 
     Of a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
     """
     A, B, C, D = plant
-    one, near, far = identity_balls(A.nrows()), arb(a), arb(b)
+    one, near, far = _identity_balls(A.nrows()), arb(a), arb(b)
     inverse = (one - A * (1 / far)).inv()
     return inverse * (A - one * near), inverse * B * (1 - near / far), C * inverse, D + C * inverse * B * (1 / far)
 
 
-def existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
+def _existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
     """Return whether a level fails, at the precision of the moment, of z outputs and w inputs beside y and u."""
     A, B, C, D = plant
     dual = A.transpose(), C.transpose(), B.transpose(), D.transpose()
     found: list[arb_mat] = []
     for parts, outputs, inputs in ((plant, z, w), (dual, w, z)):
         try:
-            storage = control_storage(parts, outputs, inputs, level)
+            storage = _control_storage(parts, outputs, inputs, level)
         except ZeroDivisionError:  # no full rank: nothing is known from this side
             continue
         if storage is None:
@@ -89,10 +91,10 @@ def existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
         found.append(storage)
     if len(found) < 2:
         return None
-    return any(x.real.mid() >= (level * level).mid() for x in eigenvalues(found[0] * found[1]))
+    return any(x.real.mid() >= (level * level).mid() for x in _eigenvalues(found[0] * found[1]))
 
 
-def control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
+def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
     """X of a level where the states and w are known, of the dual plant Y; None where there is none.
 
     A ZeroDivisionError where u does not show in z at infinite frequency.
@@ -117,31 +119,31 @@ def control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
         return arb_mat(0, 0)
     F, Q = A - B * across, C1.transpose() * C1 - C1.transpose() * D1 * across
     H = stack([[F, B * R.inv() * B.transpose() * -1], [Q * -1, F.transpose() * -1]]).mid()
-    S = sign_of(H)
+    S = _sign_of(H)
     if S is None:
         return None
     rows = S.tolist()
     left = arb_mat([[rows[i][n + j] + (i == n + j) for j in range(n)] for i in range(2 * n)])
     right = arb_mat([[-rows[i][j] - (i == j) for j in range(n)] for i in range(2 * n)])
-    X = symmetric_part((left.transpose() * left).solve(left.transpose() * right)).mid()
+    X = _symmetric_part((left.transpose() * left).solve(left.transpose() * right)).mid()
     # X is zero to the last digit where y tells all of w
-    rounding = (frobenius_norm(X) + frobenius_norm(H) * arb(2) ** -(BITS // 4)) * arb(2) ** -(BITS // 4)
-    return X if all(p > 0 for p in ldl_pivots((X + identity_balls(n) * rounding).tolist())) else None
+    rounding = (_frobenius_norm(X) + _frobenius_norm(H) * arb(2) ** -(_BITS // 4)) * arb(2) ** -(_BITS // 4)
+    return X if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())) else None
 
 
-def sign_of(H: arb_mat) -> arb_mat | None:
+def _sign_of(H: arb_mat) -> arb_mat | None:
     """Return the sign of a Hamiltonian matrix; None where it has eigenvalues on the axis."""
-    S, near = H, arb(2) ** -(BITS // 2)
-    for _ in range(MOST_STEPS):
+    S, near = H, arb(2) ** -(_BITS // 2)
+    for _ in range(_MOST_STEPS):
         try:
             inverse = S.inv().mid()
         except ZeroDivisionError:
             return None
         c = (abs(S.det().mid()) ** (arb(-1) / S.nrows())).mid()  # by the determinant (Byers 1987)
         following = ((S * c + inverse * (1 / c)) * arb(0.5)).mid()
-        moved = frobenius_norm(following - S)
+        moved = _frobenius_norm(following - S)
         S = following
-        if moved <= near * frobenius_norm(S):
+        if moved <= near * _frobenius_norm(S):
             return S
     return None
 
@@ -149,48 +151,48 @@ def sign_of(H: arb_mat) -> arb_mat | None:
 # ---- Systems in balls.
 
 
-def balance_states(loop: Balls) -> Balls:
+def _balance_states(loop: Balls) -> Balls:
     """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
     A, B, C, D = loop
-    n, (a, b, c) = A.nrows(), (np.abs(to_doubles(M)) for M in (A, B, C))
+    n, (a, b, c) = A.nrows(), (np.abs(_to_doubles(M)) for M in (A, B, C))
     bordered = np.block([[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]])
     sizes = matrix_balance(bordered, permute=False, separate=True)[1][0]
     units = [arb(float(size / sizes[n])) for size in sizes[:n]]
-    forth, back = diagonal_balls([1 / u for u in units]), diagonal_balls(units)
+    forth, back = _diagonal_balls([1 / u for u in units]), _diagonal_balls(units)
     return forth * A * back, forth * B, C * back, D
 
 
-def eigenvalues(matrix: arb_mat) -> list[acb]:
+def _eigenvalues(matrix: arb_mat) -> list[acb]:
     """All eigenvalues, as near as the digits at hand bring them; nothing rests on them."""
     return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
 
 
-def to_balls(matrix: np.ndarray) -> arb_mat:
+def _to_balls(matrix: np.ndarray) -> arb_mat:
     """Return a matrix of doubles as balls, exactly."""
     return arb_mat(len(matrix), matrix.shape[1], [arb(float(x)) for x in np.ravel(matrix)])
 
 
-def to_doubles(matrix: arb_mat) -> np.ndarray:
+def _to_doubles(matrix: arb_mat) -> np.ndarray:
     """Return the nearest doubles."""
     return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
 
 
-def symmetric_part(matrix: arb_mat) -> arb_mat:
+def _symmetric_part(matrix: arb_mat) -> arb_mat:
     """Return the symmetric part of a matrix that is symmetric but for its errors."""
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
-def frobenius_norm(matrix: arb_mat) -> arb:
+def _frobenius_norm(matrix: arb_mat) -> arb:
     """Frobenius norm, as far as its midpoint."""
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 
-def identity_balls(n: int) -> arb_mat:
+def _identity_balls(n: int) -> arb_mat:
     """Return the identity in balls."""
     return arb_mat(identity(n))
 
 
-def diagonal_balls(numbers: list[arb]) -> arb_mat:
+def _diagonal_balls(numbers: list[arb]) -> arb_mat:
     """Return a diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])

@@ -1,6 +1,6 @@
 """Taylor models: a smooth function on a short interval as a polynomial and a ball for all that it leaves out.
 
-A jet is a polynomial of degree `ORDER` in x, |x| <= 1, the interval being middle + x half. What a product or a
+A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, the interval being middle + x half. What a product or a
 composition has beyond that degree is bounded by the sum of its coefficients and joins the constant as a ball, so the
 error falls with the sixth power of the length: a function that nearly touches zero is still decided on few intervals.
 """
@@ -19,12 +19,12 @@ from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import Decision, Polynomial, proved, refuted, undecided
 from robust.proofs.exact.stability import Axis, SquaredPart, Squares, loop_terms, map_parts
 
-ORDER = 5
+_ORDER = 5
 Summand: TypeAlias = "TaylorModel | arb | int"
 
 
 class TaylorModel:
-    """A polynomial in x (arb_poly) of degree at most `ORDER` that encloses a function on [-1, 1]."""
+    """A polynomial in x (arb_poly) of degree at most `_ORDER` that encloses a function on [-1, 1]."""
 
     __slots__ = ("p",)
 
@@ -40,18 +40,18 @@ class TaylorModel:
         return TaylorModel(self.p - (other.p if isinstance(other, TaylorModel) else other))
 
     def __mul__(self, other: Summand) -> TaylorModel:
-        return truncate(self.p * other.p) if isinstance(other, TaylorModel) else TaylorModel(self.p * other)
+        return _truncate(self.p * other.p) if isinstance(other, TaylorModel) else TaylorModel(self.p * other)
 
     __rmul__ = __mul__
 
 
-def truncate(p: arb_poly) -> TaylorModel:
+def _truncate(p: arb_poly) -> TaylorModel:
     """Return what lies beyond the order goes into the constant, as a ball."""
     coefficients = p.coeffs()
-    if len(coefficients) <= ORDER + 1:
+    if len(coefficients) <= _ORDER + 1:
         return TaylorModel(p)
-    left = sum((abs(c) for c in coefficients[ORDER + 1 :]), arb(0)).abs_upper()
-    return TaylorModel(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : ORDER + 1]]))
+    left = sum((abs(c) for c in coefficients[_ORDER + 1 :]), arb(0)).abs_upper()
+    return TaylorModel(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : _ORDER + 1]]))
 
 
 def linear_model(middle: arb, half: arb) -> TaylorModel:
@@ -59,30 +59,30 @@ def linear_model(middle: arb, half: arb) -> TaylorModel:
     return TaylorModel(arb_poly([middle, half]))
 
 
-def sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
+def _sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
     """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
     powers, factor = [], arb(1)
-    for k in range(ORDER + 1):
+    for k in range(_ORDER + 1):
         powers.append(factor)
         factor = factor * half / (k + 1)
     rest = arb(0, factor.abs_upper())
     out = []
     for phase in (0, 1):
-        coefficients = [cycle[(k + phase) % 4] * powers[k] for k in range(ORDER + 1)]
+        coefficients = [cycle[(k + phase) % 4] * powers[k] for k in range(_ORDER + 1)]
         out.append(TaylorModel(arb_poly([coefficients[0] + rest, *coefficients[1:]])))
     return out[0], out[1]
 
 
 def sine(middle: arb, half: arb) -> TaylorModel:
     """sin(middle + half x)."""
-    return sine_and_cosine(middle, half)[0]
+    return _sine_and_cosine(middle, half)[0]
 
 
 def cosine(middle: arb, half: arb) -> TaylorModel:
     """cos(middle + half x)."""
-    return sine_and_cosine(middle, half)[1]
+    return _sine_and_cosine(middle, half)[1]
 
 
 def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
@@ -92,14 +92,14 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
     reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
     coefficients = p(arb_poly([middle, 1])).coeffs() if p.degree() > 0 else p.coeffs()
     left = arb(0)
-    for c in reversed(coefficients[ORDER + 1 :]):
+    for c in reversed(coefficients[_ORDER + 1 :]):
         left = left * reach + abs(c)
-    left *= reach ** (ORDER + 1)
-    return truncate(arb_poly(coefficients[: ORDER + 1])(away)) + arb(0, left.abs_upper())
+    left *= reach ** (_ORDER + 1)
+    return _truncate(arb_poly(coefficients[: _ORDER + 1])(away)) + arb(0, left.abs_upper())
 
 
 @lru_cache(maxsize=64)
-def bernstein_matrix(n: int, precision: int) -> arb_mat:
+def _bernstein_matrix(n: int, precision: int) -> arb_mat:
     """Return what makes Bernstein coefficients of the coefficients of a polynomial of degree n on [0, 1]."""
     with ctx.workprec(precision):
         return arb_mat([[arb(comb(i, k)) / comb(n, k) for k in range(n + 1)] for i in range(n + 1)])
@@ -111,7 +111,7 @@ def lower_bound(jet: TaylorModel) -> arb:
     unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
     column = arb_mat(n + 1, 1, [unit[k] for k in range(n + 1)])
     least = arb.pos_inf()
-    for found in (bernstein_matrix(n, ctx.prec) * column).entries():
+    for found in (_bernstein_matrix(n, ctx.prec) * column).entries():
         c = found.lower()
         if not c.is_finite():
             return arb.neg_inf()
@@ -126,11 +126,11 @@ def lower_bound(jet: TaylorModel) -> arb:
 # what has to be positive decides. Intervals that fail are cut; in a continuous loop what lies beyond the last one is
 # decided at once, whatever the phase of the delay is there.
 
-MIN_RELATIVE_WIDTH = 1e-12
-NARROW = 1e-3  # of the frequency: intervals whose middle is looked at
-MAX_INTERVALS = 50_000
-MAX_OMEGA = 1e18  # [rad/s]
-MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
+_MIN_RELATIVE_WIDTH = 1e-12
+_NARROW = 1e-3  # of the frequency: intervals whose middle is looked at
+_MAX_INTERVALS = 50_000
+_MAX_OMEGA = 1e18  # [rad/s]
+_MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 
 Inequalities = Callable[[Terms], list[Quantity]]
 
@@ -142,10 +142,10 @@ def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalit
         top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
         terms = sampled_terms(axis, found)
     else:
-        top = tail_frequency(found, inequalities)
+        top = _tail_frequency(found, inequalities)
         if top == inf:
             return undecided("undecided at infinite frequency", needs_digits=True)
-        terms = delayed_terms(axis, found)
+        terms = _delayed_terms(axis, found)
 
     def holds(low: float, high: float) -> bool:
         middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
@@ -166,24 +166,24 @@ def bisect_axis(
 ) -> Decision:
     """Cut the axis until a claim holds on every interval; the middle of a narrow one may refute it or leave it open."""
     todo = [(0.0, top)]
-    for count in range(MAX_INTERVALS):
+    for count in range(_MAX_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
         if holds(low, high):
             continue
-        if high - low <= NARROW * high and not (found := at_point((low + high) / 2)).holds:
+        if high - low <= _NARROW * high and not (found := at_point((low + high) / 2)).holds:
             return found  # what a point leaves open no interval around it decides
-        if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
+        if high - low <= _MIN_RELATIVE_WIDTH * high or high < _MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
-    return undecided(f"undecided after {MAX_INTERVALS} intervals")
+    return undecided(f"undecided after {_MAX_INTERVALS} intervals")
 
 
-def delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
+def _delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
     """Terms of a continuous loop with its delay on an interval of omega."""
     tau = arb(axis.delay)
 
@@ -191,7 +191,7 @@ def delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
         omega = linear_model(middle, half)
         y = omega * omega
         phase = middle * tau, half * tau
-        G, K, w, P, W = map_parts(found, lambda part: quotient_at(part, y))
+        G, K, w, P, W = map_parts(found, lambda part: _quotient_at(part, y))
         cross = compose_polynomial(found.even, y) * cosine(*phase) + compose_polynomial(found.odd, y) * omega * sine(
             *phase
         )
@@ -207,24 +207,24 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
     polynomials of as many degrees.
     """
     dt = arb(axis.dt)
-    G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, part_in_sine)
+    G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, _part_in_sine)
     w_known = found.w if axis.w_timed else w_in_sine  # a timed weight stays one of polynomials in omega^2
     P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
     even, whole, odd = (
-        polynomial_in_sine(found.even, n),
-        polynomial_in_sine(found.closed, n),
-        polynomial_in_sine(found.odd, max(n - 1, 0)),
+        _polynomial_in_sine(found.even, n),
+        _polynomial_in_sine(found.closed, n),
+        _polynomial_in_sine(found.odd, max(n - 1, 0)),
     )
 
     def terms(middle: arb, half: arb) -> Terms:
         omega = linear_model(middle, half)
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
-        G, K = quotient_at(G_in_sine, u), quotient_at(K_in_sine, u)
-        w = quotient_at(w_known, y if axis.w_timed else u)
-        P = None if P_known is None else quotient_at(P_known, y if axis.P_timed else u)
-        W = None if W_in_sine is None else quotient_at(W_in_sine, u)
+        G, K = _quotient_at(G_in_sine, u), _quotient_at(K_in_sine, u)
+        w = _quotient_at(w_known, y if axis.w_timed else u)
+        P = None if P_known is None else _quotient_at(P_known, y if axis.P_timed else u)
+        W = None if W_in_sine is None else _quotient_at(W_in_sine, u)
         cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
             # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
@@ -236,18 +236,18 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
     return terms
 
 
-def quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
+def _quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
     """Numerator and denominator along a jet."""
     return compose_polynomial(part[0], argument), compose_polynomial(part[1], argument)
 
 
-def part_in_sine(part: SquaredPart) -> SquaredPart:
+def _part_in_sine(part: SquaredPart) -> SquaredPart:
     """Return a part as polynomials in u = sin^2(omega dt/2), where its own variable is y = u/(1 - u)."""
     num, den, degree = part
-    return polynomial_in_sine(num, degree), polynomial_in_sine(den, degree), degree
+    return _polynomial_in_sine(num, degree), _polynomial_in_sine(den, degree), degree
 
 
-def polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
+def _polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
     """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 1]))
@@ -262,18 +262,18 @@ def reversed_polynomial(p: arb_poly, v: arb, degree: int) -> arb:
     return total
 
 
-def ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
+def _ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
     """Return numerator and denominator over their formal degree."""
     num, den, degree = part
     return reversed_polynomial(num, v, degree), reversed_polynomial(den, v, degree)
 
 
-def tail_frequency(found: Squares, inequalities: Inequalities) -> float:
+def _tail_frequency(found: Squares, inequalities: Inequalities) -> float:
     """Return a frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
     omega = 1e-3
-    while omega < MAX_OMEGA:
+    while omega < _MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)
-        G, K, w, P, W = map_parts(found, partial(ratio_at_infinity, v=v))
+        G, K, w, P, W = map_parts(found, partial(_ratio_at_infinity, v=v))
         N, D = G[0] * K[0], G[1] * K[1]
         cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
         terms = loop_terms(G, K, w, P, W, cross=cross, closed=N + D + cross * 2)

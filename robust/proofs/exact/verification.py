@@ -53,12 +53,12 @@ def summarise_claims(decided: dict[str, Decision]) -> Verification:
     """Return what was decided, claim by claim."""
     return Verification(
         proved=tuple(name for name, found in decided.items() if found.holds),
-        failed=tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds),
+        failed=tuple((name, _describe_failure(found)) for name, found in decided.items() if not found.holds),
         violated=tuple(name for name, found in decided.items() if found.violated),
     )
 
 
-def describe_failure(found: Decision) -> str:
+def _describe_failure(found: Decision) -> str:
     """Say why a claim was not verified."""
     if found.violated_at >= 0:
         return f"violated at {format_hertz(found.violated_at)}"

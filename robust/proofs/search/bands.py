@@ -29,10 +29,10 @@ from robust.proofs.exact.bands import (
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.polynomials import Coefficient, polynomial_roots, to_rational
 
-TOLERANCE = 1e-3  # relative, between both bounds
+_TOLERANCE = 1e-3  # relative, between both bounds
 TIME_CAP = 10.0  # processor time [s] after which a bound is left open
-MAX_LEVELS = 60
-SMALLEST, LARGEST = 1e-150, 1e100  # levels between which a gain is followed: beyond, it is none or has no bound
+_MAX_LEVELS = 60
+_SMALLEST, _LARGEST = 1e-150, 1e100  # levels between which a gain is followed: beyond, it is none or has no bound
 
 
 @value
@@ -57,7 +57,7 @@ def bound_gain(
     system: control.StateSpace,
     *,
     band: tuple[float, float] = (0.0, np.inf),
-    tolerance: float = TOLERANCE,
+    tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
     """Bound the largest singular value of a system over a band [rad/s], ends at zero and infinity included.
@@ -78,7 +78,7 @@ def bound_transfer(
     dt: float,
     *,
     band: tuple[float, float] = (0.0, np.inf),
-    tolerance: float = TOLERANCE,
+    tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
     """Return `bound_gain` of an exact system, of a discrete one its bilinear image with its dt."""
@@ -104,7 +104,7 @@ def climb(
     starts: Sequence[float] | np.ndarray,
     bands: Sequence[tuple[float, float]] = ((0.0, np.inf),),
     dt: float = 0.0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = _TOLERANCE,
     deadline: float = np.inf,
 ) -> GainBound:
     """Bound the least level whose inequality holds on bands of the axis.
@@ -112,13 +112,13 @@ def climb(
     size : the least level at one point, from what the parts are there; starts : points x to begin with.
     """
     above, level = [None if np.isinf(x) else to_rational(x) for x in starts], 0.0
-    for _ in range(MAX_LEVELS):
-        sizes = [size_at(parts, size, x) for x in above]
+    for _ in range(_MAX_LEVELS):
+        sizes = [_size_at(parts, size, x) for x in above]
         omega = frequency_of_point(to_float(above[int(np.argmax(sizes))]), dt)
         lower = max(level, *sizes)
-        if lower > LARGEST:
+        if lower > _LARGEST:
             break
-        level, above = max(lower * (1 + tolerance), SMALLEST), []
+        level, above = max(lower * (1 + tolerance), _SMALLEST), []
         for low, high in bands:
             pieces = cut_at_crossings(parts, inequality(level), low=low, high=high, deadline=deadline)
             if isinstance(pieces, str):
@@ -130,9 +130,9 @@ def climb(
     return GainBound(upper=np.inf, lower=lower, omega=omega, reason=reason)
 
 
-def size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None) -> float:
+def _size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None) -> float:
     """Return the least level at a point of the axis; zero where nothing is known of it, at a pole."""
     try:
-        return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * LARGEST))
+        return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * _LARGEST))
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
         return 0.0

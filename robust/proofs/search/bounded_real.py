@@ -24,7 +24,7 @@ from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import TIME_CAP, certificate_of_loop, norm_of_closed_loop
 
-SUBJECT = "norm"
+_SUBJECT = "norm"
 
 
 def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None = None) -> Certificate:
@@ -71,22 +71,22 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
     system = multivariable("system", system)
     if hinf_norm(system)[0] < level:
         block = (system.noutputs, system.ninputs, "full")
-        if found := certify_scaled(system, [block], level, solver=solver, subject=SUBJECT):
+        if found := certify_scaled(system, [block], level, solver=solver, subject=_SUBJECT):
             return found
-    return certify_exactly(system, level)
+    return _certify_exactly(system, level)
 
 
-def certify_exactly(system: control.StateSpace, level: float) -> Certificate:
+def _certify_exactly(system: control.StateSpace, level: float) -> Certificate:
     """Return `certify_norm` over the rationals, as of a loop without a controller."""
     matrices, nothing = to_matrices(system), to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), system.dt))
     loop = ClosedLoopClaim(plant=matrices, controller=nothing, level=level)
     found = decide_closed_loop(loop, deadline=time.thread_time() + TIME_CAP)
     if found.holds:
-        return certificate_of_loop(loop, SUBJECT)
+        return certificate_of_loop(loop, _SUBJECT)
     if not found.violated:
-        return failed_certificate(SUBJECT, level, found.reason)
+        return failed_certificate(_SUBJECT, level, found.reason)
     norm = norm_of_closed_loop(matrices, nothing)
     reason, where = f"the norm is {norm.lower:.10g}, at {format_hertz(norm.omega)}", norm.omega
     if np.isinf(norm.lower):
         reason, where = f"the system is not stable: a pole at {rightmost_pole(system):.4g}", np.nan
-    return failed_certificate(SUBJECT, level, reason, outcome=Outcome.VIOLATED, violated_at=where)
+    return failed_certificate(_SUBJECT, level, reason, outcome=Outcome.VIOLATED, violated_at=where)

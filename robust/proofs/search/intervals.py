@@ -29,28 +29,28 @@ class Magnitude:
         z, p = self.zeros / 1j, self.poles / 1j
         middle, half = (low + high) / 2, (high - low) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
-            crude = log_max_distance(z, low, high) - log_min_distance(p, low, high)
+            crude = _log_max_distance(z, low, high) - _log_min_distance(p, low, high)
             at = np.log(np.abs(middle[:, None] - z)).sum(axis=1) - np.log(np.abs(middle[:, None] - p)).sum(axis=1)
-            z_low, z_high = slope_range(z, low, high)
-            p_low, p_high = slope_range(p, low, high)
+            z_low, z_high = _slope_range(z, low, high)
+            p_low, p_high = _slope_range(p, low, high)
             fine = at + half * np.maximum(np.abs(z_high - p_low), np.abs(z_low - p_high))
             return self.gain * np.exp(np.fmin(crude, fine)) * (1 + 1e-9)
 
 
-def log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return (I,) log of the product of the largest distances of the roots from each real interval."""
     ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
     return np.asarray(np.log(ends).sum(axis=1))
 
 
-def log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return (I,) log of the product of the smallest distances."""
     with np.errstate(divide="ignore"):
         nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
         return np.asarray(np.log(np.abs(nearest)).sum(axis=1))
 
 
-def slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(I,), (I,) range over each interval of the derivative of the log distances, summed root by root."""
     a = np.abs(roots.imag)
     first, last = low[:, None] - roots.real, high[:, None] - roots.real
@@ -79,22 +79,22 @@ def magnitude_of(system: control.StateSpace) -> Magnitude:
 
 # ---- Responses in doubles: from the matrices where rounding hardly moves a mode, from exact roots where it may.
 
-MAX_POLE_SHIFT = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
-AXIS_DISTANCE = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
-MAX_EXACT_STATES = 40  # states of which exact roots are taken
+_MAX_POLE_SHIFT = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
+_AXIS_DISTANCE = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
+_MAX_EXACT_STATES = 40  # states of which exact roots are taken
 
 
 def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
     """Return whether rounding may have moved a pole by about as much as it is damped."""
     damping = np.abs(np.abs(poles) - 1) if discrete else np.abs(poles.real)
     size = np.abs(poles - 1) if discrete else np.abs(poles)
-    return bool(np.any(moved > MAX_POLE_SHIFT * np.maximum(damping, AXIS_DISTANCE * size)))
+    return bool(np.any(moved > _MAX_POLE_SHIFT * np.maximum(damping, _AXIS_DISTANCE * size)))
 
 
 def trusted_responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
     """`robust.lti.lti.make_response`, from exact roots where modes over decades share poor coordinates."""
     dt = timebase(system)
-    if not 1 < system.nstates <= MAX_EXACT_STATES or not poles_are_uncertain(*poles_with_rounding(system), bool(dt)):
+    if not 1 < system.nstates <= _MAX_EXACT_STATES or not poles_are_uncertain(*poles_with_rounding(system), bool(dt)):
         return make_response(system)
     roots = exact_roots(to_matrices(system))
     return lambda omega: roots.at(axis_offset(omega, dt))

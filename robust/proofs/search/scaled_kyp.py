@@ -25,11 +25,11 @@ from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_cer
 from robust.proofs.search.intervals import SLACK
 from robust.proofs.search.programs import SCS_STEPS, SOLVERS, solve_program
 
-MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
-WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long
-MIN_SCALING = 1e-7  # least eigenvalue of a scaling of trace one a row, against solvers that leave none
-HOPELESS = -1e-3  # a margin under which no other solver is tried: there is no scaling for all frequencies
-MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # of the output energy asked for of every state
+_MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
+_WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long
+_MIN_SCALING = 1e-7  # least eigenvalue of a scaling of trace one a row, against solvers that leave none
+_HOPELESS = -1e-3  # a margin under which no other solver is tried: there is no scaling for all frequencies
+_MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # of the output energy asked for of every state
 Block = tuple[int, int, str]
 
 
@@ -94,7 +94,7 @@ def certify_with_one_scaling(
 
 
 @value(copy=False)
-class Scaling:
+class _Scaling:
     """X of every block and G of the real ones, for channels that are balanced; P and margin as the solver has them."""
 
     X: tuple[np.ndarray, ...]
@@ -127,15 +127,15 @@ class ScalingSearch:
     @classmethod
     def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> ScalingSearch:
         """Return the search of a system."""
-        d = balance_channels(system, blocks)
-        left, right = (np.repeat(d, sizes) for sizes in channel_sizes(blocks))
+        d = _balance_channels(system, blocks)
+        left, right = (np.repeat(d, sizes) for sizes in _channel_sizes(blocks))
         A, B, C, D = continuous_image(system)  # that of a discrete loop has the same P
         scaled = A, B / right, left[:, None] * C / level, left[:, None] * D / right / level
         conditioned, first = well_conditioned_with(scaled)
-        T = riccati_coordinates(conditioned)
-        return cls(matrices=change_coordinates(conditioned, T), blocks=blocks, T=T @ first, balance=d)
+        T = _riccati_coordinates(conditioned)
+        return cls(matrices=_change_coordinates(conditioned, T), blocks=blocks, T=T @ first, balance=d)
 
-    def claim(self, system: exact.Matrices, level: float, scaling: Scaling, P: np.ndarray) -> ScaledClaim:
+    def claim(self, system: exact.Matrices, level: float, scaling: _Scaling, P: np.ndarray) -> ScaledClaim:
         """Return the claim in the units of the system."""
         d = self.balance
         return ScaledClaim(
@@ -148,20 +148,20 @@ class ScalingSearch:
             skews=tuple(d[k] ** 2 * level * G for k, G in enumerate(scaling.G)),
         )
 
-    def scalings(self, solver: str | None) -> Iterator[Scaling]:
+    def scalings(self, solver: str | None) -> Iterator[_Scaling]:
         """Yield scalings to try: what the solver finds; without one the balance itself, then what each finds."""
         sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
         if solver is None:
-            yield Scaling(X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes))
-        if self.T.shape[0] > MAX_STATES:
+            yield _Scaling(X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes))
+        if self.T.shape[0] > _MAX_STATES:
             return
         for one in SOLVERS if solver is None else (solver,):
             if (found := self.solve(one)) is not None:
                 yield found
-                if found.margin < HOPELESS:
+                if found.margin < _HOPELESS:
                     break
 
-    def solve(self, solver: str) -> Scaling | None:
+    def solve(self, solver: str) -> _Scaling | None:
         """Return the P, X and G with the largest margin that cvxpy finds."""
         import cvxpy as cp
 
@@ -172,7 +172,7 @@ class ScalingSearch:
         for rows, _, kind in self.blocks:
             size = 1 if kind == "full" else rows
             X.append(cp.Variable((1, 1)) if size == 1 else cp.Variable((size, size), symmetric=True))
-            constraints.append(X[-1] >> MIN_SCALING * np.eye(size))
+            constraints.append(X[-1] >> _MIN_SCALING * np.eye(size))
             G.append(np.zeros((size, size)))
             if kind == "real" and size > 1:
                 half = cp.Variable((size, size))
@@ -190,17 +190,17 @@ class ScalingSearch:
         if n:
             constraints.append(P >> 1e-7 * np.eye(n))
         problem = cp.Problem(cp.Maximize(t), constraints)
-        if solve_program(problem, solver, steps=round(SCS_STEPS * min(1, (WHOLE / max(n, 1)) ** 3))):
+        if solve_program(problem, solver, steps=round(SCS_STEPS * min(1, (_WHOLE / max(n, 1)) ** 3))):
             return None
         values = [np.asarray(V.value if hasattr(V, "value") else V, dtype=float) for V in (*X, *G, P)]
         if any(V.ndim != 2 or not np.isfinite(V).all() for V in values):
             return None
         found = [(V + V.T) / 2 for V in values[: len(X)]], [(V - V.T) / 2 for V in values[len(X) : -1]]
-        return Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
+        return _Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
 
     def place(self, X: Sequence, G: Sequence) -> tuple:
         """Return X_L, X_R and G on the channels, of numbers or of expressions of cvxpy."""
-        outputs, inputs = map(sum, channel_sizes(self.blocks))
+        outputs, inputs = map(sum, _channel_sizes(self.blocks))
         left, right, skew = 0, 0, np.zeros((inputs, outputs))
         r = c = 0
         for (rows, cols, kind), X_k, G_k in zip(self.blocks, X, G, strict=True):
@@ -213,7 +213,7 @@ class ScalingSearch:
             r, c = r + rows, c + cols
         return left, right, skew
 
-    def storages(self, scaling: Scaling) -> Iterator[np.ndarray]:
+    def storages(self, scaling: _Scaling) -> Iterator[np.ndarray]:
         """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with ever less margin."""
         if scaling.P is not None:
             yield scaling.P
@@ -228,25 +228,25 @@ class ScalingSearch:
         if not np.linalg.eigvalsh(R)[-1] < 0:
             return
         size = np.linalg.norm(Q) / n
-        for margin in MARGINS:
+        for margin in _MARGINS:
             P = stabilising_riccati(A, B, Q=Q + margin * size * np.eye(n), R=R, S=S)
             if P is not None:
                 yield P
 
 
-def channel_sizes(blocks: Sequence[Block]) -> tuple[list[int], list[int]]:
+def _channel_sizes(blocks: Sequence[Block]) -> tuple[list[int], list[int]]:
     """Return the outputs each block reads, and the inputs it drives."""
     return [rows for rows, _, _ in blocks], [cols for _, cols, _ in blocks]
 
 
-def change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
+def _change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
     """Return the system in the coordinates T x."""
     A, B, C, D = matrices
     back = np.linalg.inv(T)
     return T @ A @ back, T @ B, C @ back, D
 
 
-def riccati_coordinates(matrices: Matrices) -> np.ndarray:
+def _riccati_coordinates(matrices: Matrices) -> np.ndarray:
     """Return coordinates in which the identity is nearly a solution at a level above the norm: T'T solves it there."""
     A, B, C, D = matrices
     n, m = B.shape
@@ -266,10 +266,10 @@ def riccati_coordinates(matrices: Matrices) -> np.ndarray:
     return np.eye(n)
 
 
-def balance_channels(system: control.StateSpace, blocks: Sequence[Block], n_steps: int = 30) -> np.ndarray:
+def _balance_channels(system: control.StateSpace, blocks: Sequence[Block], n_steps: int = 30) -> np.ndarray:
     """Return a number for each block, a power of two, that balances the largest gains between them (Osborne 1960)."""
     response = response_by_channel(system, structure_grid(system))
-    rows, cols = (np.cumsum([0, *sizes]) for sizes in channel_sizes(blocks))
+    rows, cols = (np.cumsum([0, *sizes]) for sizes in _channel_sizes(blocks))
     K = len(blocks)
     gains = np.array(
         [

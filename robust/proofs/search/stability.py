@@ -23,7 +23,7 @@ from robust.proofs.exact.stability import decide_matrix_stability
 from robust.proofs.search.bands import GainBound, bound_transfer
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
+_BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
 MAX_EXACT_STATES = 60  # states: seconds beyond
 
 
@@ -35,7 +35,7 @@ def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.nda
     poles, moved = poles_with_rounding(system) if found is None else found
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # putting the system together rounds too
-    return bool(np.any(np.abs(excess) <= BOUNDARY_FACTOR * rounding))
+    return bool(np.any(np.abs(excess) <= _BOUNDARY_FACTOR * rounding))
 
 
 def decide_stability(system: control.StateSpace) -> StabilityResult:
@@ -61,8 +61,8 @@ def decide_stability(system: control.StateSpace) -> StabilityResult:
 
 # ---- The norm that a controller reaches with a plant, certified from both as they are given.
 
-LEVEL_MARGIN = 1e-7  # how far above the norm that was computed a level is tried, relative to it
-NORM_TOLERANCE = 1e-9  # between both bounds of a norm
+_LEVEL_MARGIN = 1e-7  # how far above the norm that was computed a level is tried, relative to it
+_NORM_TOLERANCE = 1e-9  # between both bounds of a norm
 TIME_CAP = 60.0  # processor time [s] after which a loop is left open
 
 
@@ -75,12 +75,12 @@ def certify_closed_loop(
     norm is at least (inf: the loop is not stable). A loop through which nothing passes has level zero.
     """
     plant, controller = to_matrices(P), to_matrices(K)
-    claim = ClosedLoopClaim(plant=plant, controller=controller, level=gamma * (1 + LEVEL_MARGIN))
+    claim = ClosedLoopClaim(plant=plant, controller=controller, level=gamma * (1 + _LEVEL_MARGIN))
     if not decide_closed_loop(claim, deadline=time.thread_time() + TIME_CAP).holds:
         norm = norm_of_closed_loop(plant, controller)
         if not norm.is_proved:
             return failed_certificate(subject, max(gamma, norm.lower), norm.reason)
-        claim = replace(claim, level=norm.upper * (1 + LEVEL_MARGIN))
+        claim = replace(claim, level=norm.upper * (1 + _LEVEL_MARGIN))
     return certificate_of_loop(claim, subject)
 
 
@@ -92,7 +92,7 @@ def norm_of_closed_loop(plant: Matrices, controller: Matrices) -> GainBound:
         return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop has no solution")
     if not loop.stability.holds:
         return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop is not stable")
-    return bound_transfer(loop, plant.dt or controller.dt, tolerance=NORM_TOLERANCE, time_cap=TIME_CAP)
+    return bound_transfer(loop, plant.dt or controller.dt, tolerance=_NORM_TOLERANCE, time_cap=TIME_CAP)
 
 
 def certificate_of_loop(claim: ClosedLoopClaim, subject: str) -> Certificate:

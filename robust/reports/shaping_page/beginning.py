@@ -13,12 +13,15 @@ from robust.models.sets.forms import relative_radius
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.elements import shaped_controller
 
-PHASE_MARGIN = 50.0  # of the nominal loop [degrees]
-LEAST_LAG, MOST_LAG = 6.0, 70.0  # of the integrator at the crossover [degrees]: a corner at a tenth, or at 2.7 times it
-LEAST_LEAD, MOST_LEAD = 5.0, 65.0  # [degrees]; one lead gives no more without a gain that noise does not allow
+_PHASE_MARGIN = 50.0  # of the nominal loop [degrees]
+_LEAST_LAG, _MOST_LAG = (
+    6.0,
+    70.0,
+)  # of the integrator at the crossover [degrees]: a corner at a tenth, or at 2.7 times it
+_LEAST_LEAD, _MOST_LEAD = 5.0, 65.0  # [degrees]; one lead gives no more without a gain that noise does not allow
 #: Crossovers over the first, tried in this order until a loop is robustly stable. Where one was asked for, higher ones
 #: come before lower ones, at which the demand fails.
-BELOW, AROUND = 2.0 ** -np.arange(7), np.array([1, 2, 4, *2.0 ** -np.arange(1, 5)])
+_BELOW, _AROUND = 2.0 ** -np.arange(7), np.array([1, 2, 4, *2.0 ** -np.arange(1, 5)])
 
 
 def starting_state(
@@ -28,12 +31,12 @@ def starting_state(
 
     Without omega_c the demand says it (|w_P| = 1), or the set: half the frequency where its radius reaches |G|.
     """
-    asked = omega_c if omega_c is not None else end_of_demand(loops[0], omega)
-    first, top = asked or end_of_set(models[0], loops[0], omega) / 2, loops[0].omega_max / 2
+    asked = omega_c if omega_c is not None else _end_of_demand(loops[0], omega)
+    first, top = asked or _end_of_set(models[0], loops[0], omega) / 2, loops[0].omega_max / 2
     found: list[tuple[int, JsonObject]] = []
-    for crossover in np.minimum(first * (AROUND if asked else BELOW), top):
+    for crossover in np.minimum(first * (_AROUND if asked else _BELOW), top):
         for sign in (1.0, -1.0):
-            state = shape_for(loops[0], float(crossover), sign)
+            state = _shape_for(loops[0], float(crossover), sign)
             K = shaped_controller(state, 1.0, loops[0].dt)
             tried = [assemble_loop(model, K, w_P=None, delay=delay) for model in models]
             stable = all(decide_in_floating_point(loop).stable for loop in tried)
@@ -44,13 +47,13 @@ def starting_state(
     return min(found, key=lambda one: one[0])[1]
 
 
-def end_of_demand(loop: Loop, omega: np.ndarray) -> float | None:
+def _end_of_demand(loop: Loop, omega: np.ndarray) -> float | None:
     """Return the highest frequency of the grid at which |w_P| >= 1 [rad/s]."""
     wanted = omega[:0] if loop.w_P is None else omega[np.abs(response(loop.w_P, omega)) >= 1]
     return float(wanted[-1]) if 0 < wanted.size < omega.size else None
 
 
-def end_of_set(model: UncertaintyModel, loop: Loop, omega: np.ndarray) -> float:
+def _end_of_set(model: UncertaintyModel, loop: Loop, omega: np.ndarray) -> float:
     """Return the lowest frequency above which the radius exceeds |G|, no higher than the lines and half of Nyquist."""
     omega = omega[omega <= min(model.omega[-1], loop.omega_max)]
     radius = relative_radius(model.form, np.abs(response(model.weight, omega)), np.abs(loop.plant_response(omega)))
@@ -58,26 +61,26 @@ def end_of_set(model: UncertaintyModel, loop: Loop, omega: np.ndarray) -> float:
     return float(omega[min(below[-1] + 1, omega.size - 1)] if below.size else omega[0])
 
 
-def shape_for(loop: Loop, omega_c: float, sign: float) -> JsonObject:
+def _shape_for(loop: Loop, omega_c: float, sign: float) -> JsonObject:
     """Return the gain of that sign, with integrator and lead, for |L| = 1 and the phase margin at omega_c."""
     G = complex(loop.plant_response(np.array([omega_c]))[0])
     # a phase from -270 to 90 degrees: a plant that leads by more is one that lags
-    surplus = (np.degrees(np.angle(sign * G)) + 270) % 360 - 90 - PHASE_MARGIN
+    surplus = (np.degrees(np.angle(sign * G)) + 270) % 360 - 90 - _PHASE_MARGIN
     elements, f_c = [], omega_c / 2 / np.pi
     poles = loop.given_plant.poles()
     integrates = np.any(np.abs(poles - 1 if loop.given_plant.dt else poles) < 1e-6 * omega_c * (loop.dt or 1.0))
     if not integrates:
-        lag = float(np.clip(surplus, LEAST_LAG, MOST_LAG))
+        lag = float(np.clip(surplus, _LEAST_LAG, _MOST_LAG))
         surplus -= lag
-        elements.append({"kind": "integrator", "f": tidy(f_c * np.tan(np.radians(lag)))})
-    if -surplus > LEAST_LEAD:
-        elements.append({"kind": "lead", "f": tidy(f_c), "phase": tidy(min(-surplus, MOST_LEAD))})
+        elements.append({"kind": "integrator", "f": _tidy(f_c * np.tan(np.radians(lag)))})
+    if -surplus > _LEAST_LEAD:
+        elements.append({"kind": "lead", "f": _tidy(f_c), "phase": _tidy(min(-surplus, _MOST_LEAD))})
     state: JsonObject = {"gain": 1.0, "elements": elements}
     at = np.exp(1j * omega_c * loop.dt) if loop.dt else 1j * omega_c
     gain = 1 / abs(G * shaped_controller(state, 1.0, loop.dt)(at))
-    return state | {"gain": tidy(sign * gain)}
+    return state | {"gain": _tidy(sign * gain)}
 
 
-def tidy(number: float) -> float:
+def _tidy(number: float) -> float:
     """Round to the four digits that the page shows."""
     return float(f"{number:.4g}")

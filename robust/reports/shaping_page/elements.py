@@ -21,11 +21,11 @@ def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.St
     """
     K = state_space("K", K)
     gain = control.StateSpace([], [], [], [[float(state.get("gain", 1.0))]], dt)
-    elements = [shaping_element(element, dt) for element in state.get("elements", ())]
+    elements = [_shaping_element(element, dt) for element in state.get("elements", ())]
     return in_series(control.StateSpace(K.A, K.B, K.C, K.D, dt), gain, *elements)
 
 
-def shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
+def _shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
     """One element, by the function of `robust.shaping` that the page writes out for it."""
     omega, kind = 2 * np.pi * element["f"], element["kind"]
     if kind == "integrator":

@@ -11,7 +11,7 @@ from nlfrf._base.values import value
 from robust.models.sets.model import UncertaintyModel
 
 #: Where the page puts the controller that was shaped.
-PLACE_OF_K = "# shaped"
+_PLACE_OF_K = "# shaped"
 
 
 @value
@@ -62,22 +62,22 @@ def python_script(
     else:
         rows.append(f"model = robust.load({files[0]!r})")
     if w_P is not None:
-        rows.append(f"w_P = {sources.demand or state_space_literal(w_P)}")
-    rows += [f"dt = {dt!r}", starting_controller(sources, K), PLACE_OF_K, ""]
+        rows.append(f"w_P = {sources.demand or _state_space_literal(w_P)}")
+    rows += [f"dt = {dt!r}", _starting_controller(sources, K), _PLACE_OF_K, ""]
     arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
     return "\n".join([*rows, 'robust.save(K, "controller.json")', ""])
 
 
-def starting_controller(sources: PartSources, K: control.StateSpace) -> str:
+def _starting_controller(sources: PartSources, K: control.StateSpace) -> str:
     """Return the controller to begin with; its gain alone is part of what is shaped."""
     if sources.controller:
         return f"K = robust.load({sources.controller!r})"
-    return "K = " + (state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
+    return "K = " + (_state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
 
 
-def state_space_literal(system: control.StateSpace) -> str:
+def _state_space_literal(system: control.StateSpace) -> str:
     """Return a state space with every digit."""
     matrices = ", ".join(repr(getattr(system, name).tolist()) for name in "ABCD")
     return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"

@@ -30,7 +30,7 @@ from robust.reports.shaping_page.generated_text import PartSources, proof_comman
 # ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
 
 
-def encode_response(system: control.StateSpace) -> JsonObject:
+def _encode_response(system: control.StateSpace) -> JsonObject:
     """Encode a system for C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
 
     A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
@@ -47,7 +47,7 @@ def encode_response(system: control.StateSpace) -> JsonObject:
     }
 
 
-def uncertain_poles(system: control.StateSpace) -> list[list[float]]:
+def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
     """Return [re, im] of the poles not stable beyond rounding; of a sampled system in s = 2/dt (z - 1)/(z + 1)."""
     dt = timebase(system)
     poles, moved = poles_with_rounding(system)
@@ -59,17 +59,17 @@ def uncertain_poles(system: control.StateSpace) -> list[list[float]]:
 
 # ---- What the page is sources: models as a controller sees them, the demand, the controller to begin with.
 
-LARGEST_NUMBER = 1e300
-UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound: its square is a number still
+_LARGEST_NUMBER = 1e300
+_UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound: its square is a number still
 #: How far beyond the lines the winding is followed [decades], and points on each of those.
-DECADES_BELOW, DECADES_ABOVE, POINTS_PER_DECADE = 5, 3, 4
+_DECADES_BELOW, _DECADES_ABOVE, _POINTS_PER_DECADE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.
-NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
+_NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
 #: Lines that are drawn at most, of each model.
-MAX_LINES = 400
+_MAX_LINES = 400
 
 
-def list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[UncertaintyModel]:
+def _list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[UncertaintyModel]:
     """Return the models of a page, or refuse what is none, or has no parametric nominal."""
     found = list(models) if isinstance(models, Sequence) else [models]
     if not found or not all(isinstance(model, UncertaintyModel) for model in found):
@@ -92,10 +92,10 @@ def page_content(
     omega_c: float | None = None,
 ) -> JsonObject:
     """Return everything the page needs, as JSON holds it; omega_c [rad/s] is where |L| = 1 at first, without a K."""
-    models = list_models(models)
+    models = _list_models(models)
     initial = state_space("K", 1.0 if K is None else K)
     w_P = None if w_P is None else state_space("w_P", w_P)
-    dt = loop_sampling_time(models, initial, dt)
+    dt = _loop_sampling_time(models, initial, dt)
     start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
     loops = [assemble_loop(model, start, w_P=w_P, delay=delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
@@ -104,7 +104,7 @@ def page_content(
     for model in models if dt else ():
         warn_of_unknown_hold(model, dt)
     names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
-    omega = shared_grid(models, loops)
+    omega = _shared_grid(models, loops)
     return {
         "title": sources.title,
         "begin": {"gain": 1, "elements": []}
@@ -114,17 +114,17 @@ def page_content(
         "dt": dt,
         "delay": delay,
         "omega": omega,
-        "models": [encode_model(*row) for row in zip(names, models, loops, strict=False)],
-        "w_P": None if w_P is None else encode_response(loops[0].w_P),
-        "K": encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
-        "K_poles": uncertain_poles(start),
+        "models": [_encode_model(*row) for row in zip(names, models, loops, strict=False)],
+        "w_P": None if w_P is None else _encode_response(loops[0].w_P),
+        "K": _encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
+        "K_poles": _uncertain_poles(start),
         "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
         "python": python_script(sources, models, w_P=w_P, K=start, dt=dt, delay=delay),
         "command": proof_commands(sources, w_P, delay),
     }
 
 
-def loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
+def _loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
     """Return the sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
     dt = require_nonnegative("dt", dt)
     step = one_sampling_time([dt, *(model.nominal.dt for model in models), 0.0 if is_constant(K) else K.dt])
@@ -133,7 +133,7 @@ def loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt
     return step
 
 
-def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
+def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
     if row.depends_on_units:  # its conditions are no products of w, G and K
@@ -144,27 +144,27 @@ def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     omega = model.omega[model.omega < loop.omega_max]
     return {
         "name": name,
-        "G": encode_response(loop.undelayed_plant),
+        "G": _encode_response(loop.undelayed_plant),
         "shift": loop.plant_delay,
-        "poles": uncertain_poles(loop.undelayed_plant),
-        "w": encode_response(loop.weight),
+        "poles": _uncertain_poles(loop.undelayed_plant),
+        "w": _encode_response(loop.weight),
         "read": "".join(factor for factor in row.rs_factors if factor != "w"),
         "inverse": row.inverse,
         "lines": omega.tolist(),
         # JSON has no infinity: beyond every plot
-        "low": np.minimum(low, LARGEST_NUMBER)[: omega.size].tolist(),
-        "high": np.minimum(high, LARGEST_NUMBER)[: omega.size].tolist(),
-        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * omits_aliases(loop),
-        "aliases": encode_aliases(loop),
+        "low": np.minimum(low, _LARGEST_NUMBER)[: omega.size].tolist(),
+        "high": np.minimum(high, _LARGEST_NUMBER)[: omega.size].tolist(),
+        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * _omits_aliases(loop),
+        "aliases": _encode_aliases(loop),
     }
 
 
-def omits_aliases(loop: Loop) -> bool:
+def _omits_aliases(loop: Loop) -> bool:
     """Return whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
     return loop.aliases is not None and loop.aliases.inverse
 
 
-def encode_aliases(loop: Loop) -> JsonObject | None:
+def _encode_aliases(loop: Loop) -> JsonObject | None:
     """Encode the sums over the aliases of a frequency (`robust.analysis.aliases`); None without aliases."""
     aliases = loop.aliases
     if aliases is None or aliases.inverse:
@@ -174,32 +174,32 @@ def encode_aliases(loop: Loop) -> JsonObject | None:
         "dt": aliases.dt,
         "delay": aliases.delay,
         "n": int(aliases.single_indices[-1]),
-        "tail": min(tail, UNFILTERED_SIZE),
+        "tail": min(tail, _UNFILTERED_SIZE),
         "operator": aliases.operator,
-        "G": encode_response(aliases.plant) if aliases.F_includes_plant else None,
+        "G": _encode_response(aliases.plant) if aliases.F_includes_plant else None,
     }
 
 
-def shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:
+def _shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:
     """Return frequencies [rad/s] of all models: their lines and modes, sparse for decades on both sides."""
     grids = []
     for model, loop in zip(models, loops, strict=True):
-        lines = model.omega[:: model.omega.size // MAX_LINES + 1]
+        lines = model.omega[:: model.omega.size // _MAX_LINES + 1]
         grids.append(loop.grid(lines[lines < loop.omega_max]))
     omega = np.unique(np.concatenate(grids))
     omega = omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-5])]
     low, high = omega[0], omega[-1]
-    far = [low * np.geomspace(10.0**-DECADES_BELOW, 1, DECADES_BELOW * POINTS_PER_DECADE + 1)[:-1]]
+    far = [low * np.geomspace(10.0**-_DECADES_BELOW, 1, _DECADES_BELOW * _POINTS_PER_DECADE + 1)[:-1]]
     top = loops[0].omega_max
     beyond = (
-        high * np.geomspace(1, 10.0**DECADES_ABOVE, DECADES_ABOVE * POINTS_PER_DECADE + 1)[1:]
+        high * np.geomspace(1, 10.0**_DECADES_ABOVE, _DECADES_ABOVE * _POINTS_PER_DECADE + 1)[1:]
         if np.isinf(top)
-        else top * (1 - NEAR_NYQUIST)
+        else top * (1 - _NEAR_NYQUIST)
     )
     return np.unique(np.concatenate([omega, *far, beyond[beyond > high]])).tolist()
 
 
-PAGE = """<!DOCTYPE html>
+_PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
@@ -294,20 +294,20 @@ def page_text(content: JsonObject) -> str:
     """Return the page, as text."""
     # "<" cannot end the script element that holds the content
     text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return PAGE.format(title=escape(content["title"]), style=read_style(), content=text, script=read_script())
+    return _PAGE.format(title=escape(content["title"]), style=read_style(), content=text, script=read_script())
 
 
 def read_script() -> str:
     """Return the module of JavaScript that page and notebook share: `start(element, content, changed)`."""
-    return "\n".join(read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
+    return "\n".join(_read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
 
 
 def read_style() -> str:
     """Return the style sheet of the page."""
-    return "\n".join(read_part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
+    return "\n".join(_read_part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
 
 
-def read_part(name: str) -> str:
+def _read_part(name: str) -> str:
     """Return a file of this package; a closing tag inside would end the element that holds it."""
     text = files("robust.reports.shaping_page").joinpath(name).read_text(encoding="utf-8")
     return text.replace("</script", "<\\/script").replace("</style", "<\\/style")

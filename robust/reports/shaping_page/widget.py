@@ -18,7 +18,7 @@ from robust.reports.shaping_page.page import page_content, read_script, read_sty
 if TYPE_CHECKING:
     import anywidget
 
-RENDER = """
+_RENDER = """
 export default { render({ model, el }) {
   const root = document.createElement("div");
   el.append(root);
@@ -91,7 +91,7 @@ def widget_class() -> type[anywidget.AnyWidget]:
     class LoopShaper(anywidget.AnyWidget):
         """The page in a cell."""
 
-        _esm = read_script() + RENDER
+        _esm = read_script() + _RENDER
         _css = read_style()
         content = traitlets.Dict().tag(sync=True)
         state = traitlets.Dict().tag(sync=True)

@@ -18,9 +18,9 @@ from robust.friction.proof.prove import prove_friction
 from robust.servo.gains.p_pi import cascade
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
-STEP = 1.5
+_STEP = 1.5
 #: Share of the friction that a compensation leaves.
-COMPENSATED = 0.3
+_COMPENSATED = 0.3
 
 
 @value
@@ -117,22 +117,22 @@ def friction_cures(
     forces = largest_forces(machine, Fs)
     unit = settings.kp_unit
     changed = {
-        f"kp {settings.kp:.4g} -> {STEP * settings.kp:.4g} {unit}": replace(settings, kp=STEP * settings.kp),
+        f"kp {settings.kp:.4g} -> {_STEP * settings.kp:.4g} {unit}": replace(settings, kp=_STEP * settings.kp),
     }
     if np.isfinite(settings.tn):
-        longer = f"tn {1e3 * settings.tn:.4g} -> {1e3 * STEP * settings.tn:.4g} ms"
-        changed[longer] = replace(settings, tn=STEP * settings.tn)
+        longer = f"tn {1e3 * settings.tn:.4g} -> {1e3 * _STEP * settings.tn:.4g} ms"
+        changed[longer] = replace(settings, tn=_STEP * settings.tn)
         changed["no integral action (dead band or leak of the integrator)"] = replace(settings, tn=np.inf)
     found = []
     for change, other in changed.items():
-        verdict, error, _ = judge(machine, other, friction, forces=forces, output_unit=output_unit)
+        verdict, error, _ = _judge(machine, other, friction, forces=forces, output_unit=output_unit)
         found.append(FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit))
-    _, present, bound = judge(machine, settings, friction, forces=forces, output_unit=output_unit)
+    _, present, bound = _judge(machine, settings, friction, forces=forces, output_unit=output_unit)
     found.append(
         FrictionCure(
-            change=f"friction compensated to {100 * COMPENSATED:g} % of it, while that acts",
+            change=f"friction compensated to {100 * _COMPENSATED:g} % of it, while that acts",
             verdict=FrictionVerdict.SETTLES if np.isfinite(bound) else FrictionVerdict.NOT_DECIDED,
-            error=COMPENSATED * bound,
+            error=_COMPENSATED * bound,
             unit=machine.position_unit,
         )
     )
@@ -140,7 +140,7 @@ def friction_cures(
     return tuple(sorted(helps, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error)))
 
 
-def judge(
+def _judge(
     machine: FrictionPlant,
     settings: Drive,
     friction: AnyFriction | FrictionAtPorts,

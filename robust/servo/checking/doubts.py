@@ -21,11 +21,11 @@ from robust.servo.checking.findings import BaseMotion, Conditions, Doubt, DoubtK
 
 #: Lowest lines by which friction is seen to hold an axis, and the mean cosine of the phase of G above which it does:
 #: 1 of a spring, 0 of a damper, -1 of a mass.
-LOW_LINES, HELD = 6, 0.5
+_LOW_LINES, _HELD = 6, 0.5
 
 
 #: Factors on kp that are tried where the model is unstable, the mildest first.
-TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
+_TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
 
 
 def doubts_of_warnings(under: Sequence[Conditions], warned: Sequence[Sequence[str]]) -> list[Doubt]:
@@ -36,8 +36,8 @@ def doubts_of_warnings(under: Sequence[Conditions], warned: Sequence[Sequence[st
 
 def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> Doubt | None:
     """Why a trace says nothing of the axis in motion: a spring answers on low lines, or its design is at rest."""
-    low = machine.G[:LOW_LINES]
-    held = np.mean((low / np.abs(low)).real) > HELD
+    low = machine.G[:_LOW_LINES]
+    held = np.mean((low / np.abs(low)).real) > _HELD
     if not (held or under.motion is BaseMotion.AT_REST):
         return None
     found = (
@@ -81,7 +81,7 @@ def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: fl
 
     An integral and a position gain that are too high for kp are cured by more kp, all else by less.
     """
-    loops = ((factor, assemble_loop(model, K * factor, w_P=None, delay=delay)) for factor in TRIED_FACTORS)
+    loops = ((factor, assemble_loop(model, K * factor, w_P=None, delay=delay)) for factor in _TRIED_FACTORS)
     return next((factor for factor, loop in loops if decide_nominal_stability(loop).stable), None)
 
 
@@ -106,7 +106,7 @@ def doubt_of_unstable_model(
             "motion, with more periods or realisations, in a band around the crossover",
         )
     cure = (
-        f"no kp of {min(TRIED_FACTORS):g} to {max(TRIED_FACTORS):g} times this one makes it stable: change kv and tn"
+        f"no kp of {min(_TRIED_FACTORS):g} to {max(_TRIED_FACTORS):g} times this one makes it stable: change kv and tn"
         if factor is None
         else f"{factor:g} times this kp makes it stable"
     )

@@ -24,11 +24,11 @@ from robust.analysis.report import RobustnessReport
 from robust.friction.units import format_length
 from robust.servo.checking.friction import DriveFriction
 
-FILTERED = "a filter that the gains do not name, or a mode above the band, which looks like one"
+_FILTERED = "a filter that the gains do not name, or a mode above the band, which looks like one"
 
 
 #: What a drive does not say of its currents.
-AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
+_AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
 
 
 #: What the words of the page mean.
@@ -262,7 +262,7 @@ class DriveCheck:
         more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
         if self.given is not None and (self.given.delay, self.given.lag) != (self.settings.delay, self.settings.lag):
             late = self.given.delay + self.given.lag > self.settings.delay + self.settings.lag
-            why = "with which the machine would lead its force" if late else FILTERED
+            why = "with which the machine would lead its force" if late else _FILTERED
             timing += (
                 f", as the trace shows them, and not {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms as "
                 f"given, {why}"
@@ -310,7 +310,7 @@ def describe_parameters(settings: Drive) -> str:
     }
     ampere = settings.output_unit == "A" and bool(np.isfinite(settings.torque_constant))
     names = ", ".join(name for name, is_set in typed.items() if is_set)
-    return f"to be set in the drive: {names}; the rest is the drive as it is" + AMPERE_NOTE * ampere
+    return f"to be set in the drive: {names}; the rest is the drive as it is" + _AMPERE_NOTE * ampere
 
 
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:

@@ -33,17 +33,17 @@ from robust.servo.checking.simulation import SimulatedRest
 from robust.servo.gains.p_pi import cascade
 
 #: Levels from which friction is read.
-FEWEST_LEVELS = 3
+_FEWEST_LEVELS = 3
 #: Largest presliding stiffness of the proof, over the upper end of what was read: elements that slip below the lowest
 #: level are not seen.
-K0_MARGIN = 1.25
+_K0_MARGIN = 1.25
 #: What no interval of a reading holds.
-FORCE_NOTE = (
+_FORCE_NOTE = (
     "Mass, stiffness and forces are as good as what scales the trace to {unit}, such as the force constant: an error "
     "of that is in no interval."
 )
 #: What the bound of a stated force is of, where no friction was read.
-BOUNDED_NOTE = (
+_BOUNDED_NOTE = (
     "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
     "is not judged. The bound is of {machine}, with the friction where the motor acts, or at the load where one was "
     "read and that is worse."
@@ -53,7 +53,7 @@ MODEL = "the nominal model"
 READ = "the machine as read in motion"
 UNCERTIFIED = f"{READ} (its loop is stable; the linear loop with its uncertainty is not certified)"
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
-MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
+_MOST_ADDED_PERIODS, _ADDED_STEP = 8, 1 / 16
 
 
 @value
@@ -82,7 +82,7 @@ class DriveFriction:
         Largest friction force [N] or [Nm] of the bounds: stated, or the upper end of what was read; of motor and load
         one each.
     added_delay : float
-        Additional delay [s] with which all was proved too; with `ADDED_STEP` of a period more it was not, or not
+        Additional delay [s] with which all was proved too; with `_ADDED_STEP` of a period more it was not, or not
         tried. nan where the loop is not proved.
     known_delay : float
         Delay with lag [s] that the settings have in front of the traces.
@@ -247,7 +247,7 @@ class DriveFriction:
         bounded = []
         if self.bounded is not None:
             bounded = [
-                BOUNDED_NOTE.format(machine=self.bounded_machine),
+                _BOUNDED_NOTE.format(machine=self.bounded_machine),
                 self.bounded.claim or self.bounded.reason,
                 self.bounded.not_claimed,
             ]
@@ -257,8 +257,8 @@ class DriveFriction:
                 rows = [f"read from {len(self.fit.levels)} traces at rest:", *format_numbers(self.fit)]
             not_judged = "rest not judged" if bounded else "not judged"
             return "\n".join([*rows, f"{not_judged}: {self.note}", *without_law, *bounded])
-        rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
-        rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
+        rows = [_describe_reading(self.fit), *_tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
+        rows += [_FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
         rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
         return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures), *without_law, *bounded])
 
@@ -278,7 +278,7 @@ class DriveFriction:
         return rows
 
 
-def describe_reading(fit: FrictionFit) -> str:
+def _describe_reading(fit: FrictionFit) -> str:
     """Say which trace gives which number, by how stiff its friction is over K0."""
     free = "" if fit.stds["stiffness"] else ", of a machine without a spring to ground"
     levels = sorted(fit.levels, key=lambda level: level.force)
@@ -292,10 +292,10 @@ def describe_reading(fit: FrictionFit) -> str:
     )
 
 
-def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> list[str]:
+def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> list[str]:
     """Return the table of what was read, what the proof assumes of it, and why; `known_delay` [s] is the drive's."""
     delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
-    assumptions = (assumptions_with_load if fit.load_mass else assumptions_of_mass)(fit, assumed) | {"delay": delay}
+    assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(fit, assumed) | {"delay": delay}
     table = [("", "read (95 %)", "assumed", "why")]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
@@ -320,10 +320,10 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: 
 
 
 #: Of a force that the class does not limit.
-UNLIMITED = "any", "no limit in class"
+_UNLIMITED = "any", "no limit in class"
 
 
-def assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
+def _assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
     """Return what the proof assumes of each number of one mass, and why."""
     (low, high), damping, friction = fit.interval("mass"), largest_damping(fit), assumed.friction
     assert isinstance(friction, AnyFriction)
@@ -331,14 +331,14 @@ def assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, t
         "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
         "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
         "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
-        "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
-        "Fs": UNLIMITED,
-        "coulomb": UNLIMITED,
+        "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{_K0_MARGIN:g} times the upper end"),
+        "Fs": _UNLIMITED,
+        "coulomb": _UNLIMITED,
         "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
     }
 
 
-def assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
+def _assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
     """Return what the proof assumes of each number of motor and load, and why."""
     friction, damping = assumed.friction, largest_damping(fit)
     assert isinstance(friction, FrictionAtPorts)
@@ -353,16 +353,16 @@ def assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str,
         "mass": (ends("mass", "motor"), "motor, both ends"),
         "damping": (f"0 and {damping:.4g}" if damping else "0", "none; upper end" if damping else ""),
         "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end"),
-        "K0": (f"up to {stiffest[0]}", f"motor, {K0_MARGIN:g} x upper"),
-        "Fs": UNLIMITED,
-        "coulomb": UNLIMITED,
+        "K0": (f"up to {stiffest[0]}", f"motor, {_K0_MARGIN:g} x upper"),
+        "Fs": _UNLIMITED,
+        "coulomb": _UNLIMITED,
         "stiction": (f"up to {' and '.join(ratios)}", "chosen, or read"),
         "load_mass": (ends("mass", "load"), "both ends"),
         "coupling": (ends("coupling"), "both ends"),
         "coupling_damping": (f"{max(0.0, fit.interval('coupling_damping')[0]):.4g}", "lower end"),
-        "load_K0": (f"up to {stiffest[1]}", f"load, {K0_MARGIN:g} x upper"),
-        "load_Fs": UNLIMITED,
-        "load_coulomb": UNLIMITED,
+        "load_K0": (f"up to {stiffest[1]}", f"load, {_K0_MARGIN:g} x upper"),
+        "load_Fs": _UNLIMITED,
+        "load_coulomb": _UNLIMITED,
     }
 
 
@@ -385,11 +385,11 @@ def judge_friction(
     """
     if fit is None:
         try:
-            fit = read_friction(records, spring=spring, masses=masses, sliding=sliding)
+            fit = _read_friction(records, spring=spring, masses=masses, sliding=sliding)
         except (ValueError, np.linalg.LinAlgError) as error:
             return DriveFriction(note=str(error))
     try:
-        assumed = friction_class(fit, stiction=stiction, margin=K0_MARGIN)
+        assumed = friction_class(fit, stiction=stiction, margin=_K0_MARGIN)
     except ValueError as error:
         return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":
@@ -404,7 +404,7 @@ def judge_friction(
     )
     largest: float | tuple[float, ...] | None = Fs
     if Fs is None and np.isfinite(fit.stds["Fs"]):
-        largest = largest_forces_read(fit)
+        largest = _largest_forces_read(fit)
     unit = fit.units[0]
     K, friction, late, added = cascade(settings, output_unit=unit), assumed.friction, settings.delay, np.nan
     try:
@@ -463,18 +463,18 @@ def bound_any_friction(
     return max(proofs, key=lambda proof: np.nan_to_num(proof.error_bound, nan=np.inf))
 
 
-def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
+def _largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
     """Return the upper end of the break-away force; of motor and load one each."""
     if not fit.load_mass:
         return fit.interval("Fs")[1]
     return tuple(interval_at_port(fit, "Fs", port)[1] for port in ("motor", "load"))
 
 
-def read_friction(
+def _read_friction(
     records: Sequence[nlfrf.Record], *, spring: bool, masses: int, sliding: SlidingFit | None = None
 ) -> FrictionFit:
     """Read the friction from traces at rest; a ValueError says why it cannot be."""
-    if len(records) < FEWEST_LEVELS:
+    if len(records) < _FEWEST_LEVELS:
         raise ValueError(
             f"it takes traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
         )
@@ -494,20 +494,20 @@ def largest_added_delay(
     """Return the largest added delay [s] that was tried and with which every machine is proved, by bisection."""
 
     def proves(steps: int) -> bool:
-        late = delay + steps * ADDED_STEP * period
+        late = delay + steps * _ADDED_STEP * period
         return all(
             prove_friction(machine, K, friction, delay=late).verdict is FrictionVerdict.PROVED for machine in machines
         )
 
-    low, high = 0, round(1 / ADDED_STEP)
-    while high * ADDED_STEP <= MOST_ADDED_PERIODS and proves(high):
+    low, high = 0, round(1 / _ADDED_STEP)
+    while high * _ADDED_STEP <= _MOST_ADDED_PERIODS and proves(high):
         low, high = high, 2 * high
-    if high * ADDED_STEP > MOST_ADDED_PERIODS:
-        return low * ADDED_STEP * period
+    if high * _ADDED_STEP > _MOST_ADDED_PERIODS:
+        return low * _ADDED_STEP * period
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if proves(middle) else (low, middle)
-    return low * ADDED_STEP * period
+    return low * _ADDED_STEP * period
 
 
 def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:

@@ -51,7 +51,7 @@ from robust.servo.checking.simulation import reason_against_simulation, simulate
 from robust.servo.gains.p_pi import cascade, with_set_point
 
 #: Why friction that creeps is not read as a class whose rest can be proved.
-CREEP_NOTE = (
+_CREEP_NOTE = (
     "the friction creeps below break-away, or is damped there, as LuGre, Dahl and hysteresis with micro-damping do: no "
     "rest of such friction is proved"
 )
@@ -137,19 +137,19 @@ def check(
     """
     require_kind("settings", settings, Drive)
     peak, unit, base = require_positive("peak", peak), records[0].u_unit, settings.base_unit
-    require_units(settings, unit, within=within, Fs=Fs, fit=fit)
+    _require_units(settings, unit, within=within, Fs=Fs, fit=fit)
     settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
     K = cascade(settings, output_unit=unit)
     names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
     under = list(conditions) or [Conditions()] * len(records)
     blas, warned = [], []
-    advance = count_steps(progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation")))
+    advance = _count_steps(progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation")))
     for name, record in zip(names, records, strict=True):
         with collect_warnings(name) as texts:
             blas.append(nlfrf.identify(record))
         warned.append(texts)
         advance()
-    moving = in_motion(under)
+    moving = _in_motion(under)
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
@@ -157,9 +157,9 @@ def check(
     machine_bla, nominal, settings = fit_machine(blas[chosen], timings, actual=actual)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
-    force, note = (None, "") if fit is not None else read_force(records, under, masses)
+    force, note = (None, "") if fit is not None else _read_force(records, under, masses)
     if force is not None and force.creeps:
-        friction = DriveFriction(note=CREEP_NOTE)
+        friction = DriveFriction(note=_CREEP_NOTE)
     else:
         friction = judge_friction(
             at_rest,
@@ -172,7 +172,7 @@ def check(
             fit=fit,
             sliding=None if force is None else force.sliding,
         )
-    friction = with_notes(replace(friction, force=force), under, note)
+    friction = _with_notes(replace(friction, force=force), under, note)
     advance()
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
     machine = uncertainty(machine_bla, replace(nominal, warnings=()))
@@ -206,8 +206,8 @@ def check(
         unit=unit,
         traces=tuple(map(describe_trace, names, records, blas)),
         base=names[chosen],
-        report=report_of_drive(report, misled=misled),
-        step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
+        report=_report_of_drive(report, misled=misled),
+        step=_step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=friction,
         actual=actual,
         doubts=tuple(doubts),
@@ -216,7 +216,7 @@ def check(
     )
 
 
-def require_units(
+def _require_units(
     settings: Drive, unit: str, *, within: float | None, Fs: float | None, fit: FrictionFit | None
 ) -> None:
     """Refuse two encoders, and what is in no unit of the traces, whose force is in `unit`."""
@@ -237,7 +237,7 @@ def require_units(
             )
 
 
-def with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
+def _with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
     """Return the friction with why some of it was not read; `note` is why not in motion."""
     if friction.fit is None and under[0].unread:
         friction = replace(friction, note="; ".join(under[0].unread))
@@ -289,7 +289,7 @@ def with_bound(
     return unknown if machine is None else found
 
 
-def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
+def _report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
     """Return the report without what it must not say: advice on an unstable model, a verdict by a trace that misled."""
     if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
@@ -330,10 +330,10 @@ def simulate_drive(
     return replace(friction, simulated=with_advice(found, force, settings, keeps))
 
 
-def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
+def _count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
     """Return what is to be called after each of so many steps; it says first that none is done.
 
-    >>> advance = count_steps(lambda done, total: print(done, "of", total), 2)
+    >>> advance = _count_steps(lambda done, total: print(done, "of", total), 2)
     0 of 2
     >>> advance()
     1 of 2
@@ -348,16 +348,16 @@ def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Ca
     return advance
 
 
-def in_motion(under: Sequence[Conditions]) -> list[int]:
+def _in_motion(under: Sequence[Conditions]) -> list[int]:
     """Return which traces were recorded in motion."""
     return [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
 
 
-def read_force(
+def _read_force(
     records: Sequence[nlfrf.Record], under: Sequence[Conditions], masses: int
 ) -> tuple[FrictionForce | None, str]:
     """Return the friction without a law from traces in motion, and why there is none or no break-away force."""
-    moving = in_motion(under)
+    moving = _in_motion(under)
     if not moving or records[0].u_unit == "A":
         return None, ""
     levels = under[0].levels or [record for k, record in enumerate(records) if k not in moving]
@@ -369,7 +369,7 @@ def read_force(
     return force, force.reason
 
 
-def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
+def _step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
     """Return the step of the position set point, through the loops of the drive."""
     G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])

@@ -23,31 +23,31 @@ from robust.models.sets.orders import NEAR_BEST, UNDAMPED, doubtful_roots, scan_
 from robust.servo.gains.p_pi import cascade
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
-ORDERS = range(2, 6)
+_ORDERS = range(2, 6)
 
 
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.
-LEAD = 0.3
+_LEAD = 0.3
 
 
 #: Largest change of G that a pole and a zero make which cancel.
-CANCELLED = 0.05
+_CANCELLED = 0.05
 
 
 #: Periods of the drive by which a delay as read may be off: on 180 axes it was less.
-DELAY_ERROR = 0.05
+_DELAY_ERROR = 0.05
 
 
 #: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
-SURE = 3.32
+_SURE = 3.32
 
 
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
-MOST_RISE = 0.75
+_MOST_RISE = 0.75
 
 
 #: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2 F).
-AGREE = 0.5
+_AGREE = 0.5
 
 
 def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tuple[nlfrf.Bla, NominalFit, Drive]:
@@ -64,17 +64,17 @@ def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tu
         s, machine = 1j * bla.omega, bla
         if not actual:  # delay and lag of the current loop are in the trace
             machine = bla.times(np.exp(s * timing.delay) * (1 + s * timing.lag), output_unit=bla.output_units)
-        late = "" if actual else reason_of_late_settings(machine, timing)
+        late = "" if actual else _reason_of_late_settings(machine, timing)
         if late:
             reason = reason or late
             continue
         best, others = fit_orders(machine, cascade(timing, output_unit=bla.input_units[0]))
-        leads = "" if actual else reason_of_lead(best.G, machine, timing)
+        leads = "" if actual else _reason_of_lead(best.G, machine, timing)
         if not leads:
             return machine, best, timing
         reason = reason or leads
         not_leading += [
-            (one.cost, machine, one, timing) for one in others if not reason_of_lead(one.G, machine, timing)
+            (one.cost, machine, one, timing) for one in others if not _reason_of_lead(one.G, machine, timing)
         ]
     if not not_leading:
         raise ValueError(reason)
@@ -90,17 +90,17 @@ def timings_of(record: nlfrf.Record, settings: Drive, masses: int, *, slides: bo
     late, std = numbers["delay"], stds["delay"]
     if not (numbers["mass"] > 0 and 0 < late < np.inf and np.isfinite(std)):
         return [settings]
-    later = late - settings.delay - settings.lag > max(HALF_WIDTH * std, DELAY_ERROR * settings.dt)
+    later = late - settings.delay - settings.lag > max(HALF_WIDTH * std, _DELAY_ERROR * settings.dt)
     lag = min(max(settings.lag, numbers["lag"] if later else 0.0), late)
     traced = replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)
     # the phase of a load is read as delay, too: 4 of 59 axes showed up to 0.8 periods more than they had
     return [traced, settings] if slides and later and masses == 1 else [settings, traced]
 
 
-def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:
+def _reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:
     """Why a delay is not that of the traces: what is left where it is too long is fitted by unstable poles."""
     fast = machine.poles()[machine.poles().real > 0]
-    fast = fast[np.abs(fast) > LEAD * bla.omega[-1]]
+    fast = fast[np.abs(fast) > _LEAD * bla.omega[-1]]
     if not fast.size:
         return ""
     return (
@@ -120,10 +120,10 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
     zero cancels is fitted to a single line and is none of the machine, however much it is worth.
     """
     free, held = (
-        scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
+        scan_orders(machine, n_poles=_ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
     )
-    kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
-    unstable = bool(kept) and free.criterion[kept].min() + SURE < held.criterion.min()
+    kept = [k for k, fit in enumerate(free.fits) if not _cancels_unstable_pole(fit.G)]
+    unstable = bool(kept) and free.criterion[kept].min() + _SURE < held.criterion.min()
     scan = held
     if unstable:
         scan = replace(free, fits=tuple(free.fits[k] for k in kept), sizes=tuple(free.sizes[k] for k in kept))
@@ -131,9 +131,11 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
     if np.any(scan.fit.class_std) and not np.isnan(omega_c):
         each = [
             scan_orders(machine, n_poles=(n,), relative_degree=2, delay=0.0, stable=not unstable, omega_c=omega_c)
-            for n in ORDERS
+            for n in _ORDERS
         ]
-        each = [one for one in each if not cancels_unstable_pole(one.fit.G) and UNDAMPED not in doubtful_roots(one.fit)]
+        each = [
+            one for one in each if not _cancels_unstable_pole(one.fit.G) and UNDAMPED not in doubtful_roots(one.fit)
+        ]
         if each:  # |S| is bounded over the set: one near the smallest, not the first that is small enough
             least = min(float(one.loop_radius[0]) for one in each)
             best = next(one for one in each if one.loop_radius[0] <= NEAR_BEST * least)
@@ -141,18 +143,18 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
     return replace(scan.fit, omega_c=omega_c), scan.fits  # the weight of the set is fitted for the crossover, too
 
 
-def cancels_unstable_pole(G: control.StateSpace) -> bool:
+def _cancels_unstable_pole(G: control.StateSpace) -> bool:
     """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
 
     >>> s = control.tf("s")
-    >>> cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), cancels_unstable_pole(control.ss(1 / (s - 1)))
+    >>> _cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), _cancels_unstable_pole(control.ss(1 / (s - 1)))
     (True, False)
     """
     zeros, poles = G.zeros(), G.poles()
-    return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
+    return any(np.any(np.abs(zeros - p) < _CANCELLED * p.real) for p in poles if p.real > 0)
 
 
-def reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
+def _reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
     """Why a delay is too long: it turns the phase of what is left up by more than a machine can, or by a whole turn."""
     omega, steps = machine.omega, machine.G[1:] * machine.G[:-1].conj()
     widths = np.diff(omega)
@@ -166,7 +168,7 @@ def reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
     agree = np.mean((steps / np.abs(steps)) * np.exp(-1j * np.outer(leads, widths)), axis=1).real
     k = int(np.argmax(agree))
     turns = leads[k] * (omega[-1] - omega[0]) / (2 * np.pi)
-    if not (agree[k] > AGREE and turns > MOST_RISE):
+    if not (agree[k] > _AGREE and turns > _MOST_RISE):
         return ""
     return (
         f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "

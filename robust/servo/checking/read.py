@@ -37,7 +37,7 @@ def read_trace(
     ValueError
         Units that are none of a drive, a trace that is not sampled as the drive is.
     """
-    return to_drive_units(load(path), settings, path, actual=actual)
+    return _to_drive_units(load(path), settings, path, actual=actual)
 
 
 def read_traces(
@@ -181,13 +181,13 @@ def read_experiments(
         warned_texts += warned
         if design.is_ramp:
             read = nlfrf.axis.find_levels(found, design)
-            levels_at_rest += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
+            levels_at_rest += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
             if read.reason:
                 unread.append(f"{paths[0].name}: {read.reason}")
                 continue
-            taken = choose_levels(read, n_levels)
+            taken = _choose_levels(read, n_levels)
             found, labels = tuple(found[k] for k in taken), tuple(read.states[k].value for k in taken)
-        records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
+        records += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
         strokes = list(design.groups.values())  # those of one direction are realisations of one record
@@ -200,7 +200,7 @@ def read_experiments(
     return records, names, [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions]
 
 
-def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
+def _choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
     states = nlfrf.axis.FrictionRegime
@@ -221,7 +221,7 @@ def compare_gains(design: nlfrf.axis.AxisExperiment, settings: Drive) -> Recorde
     return RecordedGains.SAME if same else RecordedGains.OTHER
 
 
-def to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool) -> nlfrf.Record:
+def _to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool) -> nlfrf.Record:
     """Return a record in the units of the velocity loop; the errors and units are those of `read_trace`."""
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(

@@ -23,30 +23,30 @@ Law: TypeAlias = (
     "| nlfrf.friction.Leuven"
 )
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.
-LAWS = ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
+_LAWS = ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
 #: Those that take no shorter steps where friction is stiff.
-STIFF = ("rigid", "Maxwell slip or GMS")
+_STIFF = ("rigid", "Maxwell slip or GMS")
 #: Runs, the laws in turn. With the same numbers rigid friction, Maxwell slip and LuGre hunted by the same amplitude to
 #: 8 %, Leuven by up to 19 % less and in fewer runs, on ten axes that hunt (benchmarks/bench_stranger.py).
 RUNS = 12
 #: Velocity over which stiction falls [m/s] or [rad/s] where records do not show it: what Armstrong-Hélouvry reports.
-STRIBECK_VELOCITY = (5e-4, 5e-2)
+_STRIBECK_VELOCITY = (5e-4, 5e-2)
 #: Deflections at which elements of Maxwell slip begin to slip, over their mean.
-DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
+_DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
 #: A mass that would swing on its friction above this share of the sampling frequency swings there: for the drive
 #: stiffer friction is the same, and where the encoder leaves the stiffness open it is at most that.
-STIFFEST = 0.25
+_STIFFEST = 0.25
 #: Moves of the set point, each for a time, then a hold: in reset times of the velocity loop. The last share counts.
-MOVES, MOVE, HOLD, LAST = 3, 15.0, 250.0, 0.25
+_MOVES, _MOVE, _HOLD, _LAST = 3, 15.0, 250.0, 0.25
 #: Swing in the end above which the axis hunts, over the way on which the position loop asks for Coulomb friction. One
 #: of that size takes about 1/0.02 reset times to wind up.
-SWINGS = 0.02
+_SWINGS = 0.02
 #: Runs that hunt from which the axis hunts, a third of them: fewer are at an end of several intervals at once. Of 23
 #: axes that hunt and 32 that rest (benchmarks/bench_stranger.py), 2 runs named 23 and 10 as hunting, 4 runs 23 and 5,
 #: 6 runs 18 and 1.
 FEWEST = 4
 #: Changes of a drive that are tried against hunting, the mildest first: gain, and factor on it.
-CHANGES = (
+_CHANGES = (
     ("tn", 1.5),
     ("kv", 2 / 3),
     ("kp", 1.5),
@@ -59,7 +59,7 @@ CHANGES = (
 
 #: Distance [m] or [rad] below which a simulation is at its set point.
 SHOWN = 1e-9
-KEPT = "the linear loop passes with it"
+_KEPT = "the linear loop passes with it"
 
 
 @value
@@ -152,7 +152,7 @@ def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
         "Maxwell slip or GMS": force.creeps,
         "Dahl": bool(force.Fs[0] > force.sliding.interval("coulomb")[1]),
     }
-    return tuple(law for law in LAWS if not refuted.get(law))
+    return tuple(law for law in _LAWS if not refuted.get(law))
 
 
 def reason_against_simulation(force: FrictionForce | None, settings: Drive, masses: int = 1) -> str:
@@ -195,31 +195,31 @@ def simulate_rest(
     from scipy.stats import qmc
 
     laws = laws_not_refuted(force)
-    run = tuple(law for law in laws if law in STIFF) if "rigid" in laws else laws
-    draws = qmc.Sobol(4 + MOVES, seed=1).random_base2(int(np.ceil(np.log2(RUNS))))
+    run = tuple(law for law in laws if law in _STIFF) if "rigid" in laws else laws
+    draws = qmc.Sobol(4 + _MOVES, seed=1).random_base2(int(np.ceil(np.log2(RUNS))))
     found: list[tuple[float, float, float]] = []
     for k in order:
-        found.append(run_to_the_end(run[k % len(run)], force, settings, draws[k]))
+        found.append(_run_to_the_end(run[k % len(run)], force, settings, draws[k]))
         if found[-1][0] > most:
             break
     amplitudes, periods, offsets = np.array(found).T
     return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit, offsets=offsets)
 
 
-def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
+def _run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
     """Return amplitude [m], period [s] and offset [m] of one run, by (4 + MOVES,) draws between zero and one."""
-    axis, oversampling = draw_axis(law, force, settings, draws[:4])
-    way = coulomb_of(force) / (gain_in_force(settings) * settings.kv)
+    axis, oversampling = _draw_axis(law, force, settings, draws[:4])
+    way = _coulomb_of(force) / (_gain_in_force(settings) * settings.kv)
     reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
-    move, hold = (int(count * reset * settings.fs) + 1 for count in (MOVE, HOLD))
-    ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], MOVES))
+    move, hold = (int(count * reset * settings.fs) + 1 for count in (_MOVE, _HOLD))
+    ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], _MOVES))
     position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
     trace = nlfrf.rig.run(axis, position, oversampling=oversampling)
     if trace.diverged:
         return np.nan, np.nan, np.nan
-    last = trace.x[0][-int(LAST * hold) :]
+    last = trace.x[0][-int(_LAST * hold) :]
     swing, offset = float(np.ptp(last)), float(np.abs(last - ends[-1]).max())
-    if swing < SWINGS * way:
+    if swing < _SWINGS * way:
         return 0.0, np.nan, offset
     away = last - (last.max() + last.min()) / 2
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > swing / 4])))
@@ -236,9 +236,9 @@ def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
     return replace(force, load=coupled_load(fit, share))
 
 
-def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
+def _draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
     """Return the axis with friction of a law by (4,) draws, and the steps a period it takes."""
-    friction, steps = draw_friction(law, force, settings, draws)
+    friction, steps = _draw_friction(law, force, settings, draws)
     motion = "linear" if settings.base_unit == "m" else "rotary"
     damping = max(0.0, force.sliding.damping)
     axis = nlfrf.rig.ServoAxis(
@@ -250,7 +250,7 @@ def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
     def part(share: float) -> Law | None:
         sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
         own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
-        return draw_friction(law, own, settings, draws)[0] if share else None
+        return _draw_friction(law, own, settings, draws)[0] if share else None
 
     at_load = float(draws[1]) if np.isnan(load.share) else load.share
     coupled = replace(
@@ -265,30 +265,30 @@ def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
     return coupled, steps
 
 
-def coulomb_of(force: FrictionForce) -> float:
+def _coulomb_of(force: FrictionForce) -> float:
     """Coulomb friction [N], at most the break-away force."""
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
-def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
+def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
     """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
-    Fc = coulomb_of(force)
+    Fc = _coulomb_of(force)
     Fs = max(force.Fs[0], Fc) ** (1 - draws[0]) * force.Fs[1] ** draws[0]
-    stiffest = force.sliding.mass * (2 * np.pi * STIFFEST * settings.fs) ** 2
+    stiffest = force.sliding.mass * (2 * np.pi * _STIFFEST * settings.fs) ** 2
     low, high = np.fmin(force.K0, stiffest)  # nan: any stiffness
     K0 = low * (high / low) ** draws[1]
-    slowest, fastest = np.where(np.isnan(force.stribeck), STRIBECK_VELOCITY, force.stribeck)
+    slowest, fastest = np.where(np.isnan(force.stribeck), _STRIBECK_VELOCITY, force.stribeck)
     vs = min(slowest, fastest) ** (1 - draws[2]) * fastest ** draws[2]
     # what slips at the lowest levels looks like damping, too: bristles that damp by more than half of critical are none
     damping = draws[3] * np.fmin(force.bristle_time, np.sqrt(force.sliding.mass / K0)) * K0
     if law == "rigid":
         return nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=vs), 1
     if law == "Maxwell slip or GMS":
-        k = np.full(DEFLECTIONS.size, K0 / DEFLECTIONS.size)
-        strength = Fs * DEFLECTIONS / DEFLECTIONS.sum()
+        k = np.full(_DEFLECTIONS.size, K0 / _DEFLECTIONS.size)
+        strength = Fs * _DEFLECTIONS / _DEFLECTIONS.sum()
         return nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs), 1
     # bristles relax with K0 |v| / Fc while they slip; the fastest move has this v
-    speed = 3 * Fc / gain_in_force(settings)
+    speed = 3 * Fc / _gain_in_force(settings)
     steps = int(np.ceil(K0 * speed / Fc / settings.fs))
     if law == "Dahl":
         return nlfrf.friction.Dahl(sigma0=K0, Fc=Fs), steps
@@ -298,7 +298,7 @@ def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.nda
     return nlfrf.friction.Leuven(Fs=Fs, Fc=Fc, vs=vs, sigma1=damping, sigma2=0.0, curve=curve), steps
 
 
-def gain_in_force(settings: Drive) -> float:
+def _gain_in_force(settings: Drive) -> float:
     """Return the gain of the velocity loop with a force in the place of its current [N s/m] or [Nm s/rad]."""
     return settings.gain * settings.output_factor(settings.force_unit)
 
@@ -312,7 +312,7 @@ def with_advice(
     """
     halved, most = "", found.amplitude / 2
     order = np.argsort(-found.amplitudes, kind="stable").tolist()
-    for name, factor in CHANGES if found.hunts else ():
+    for name, factor in _CHANGES if found.hunts else ():
         old = getattr(settings, name)
         if not np.isfinite(old):
             continue
@@ -320,23 +320,23 @@ def with_advice(
         after = simulate_rest(force, other, order=order, most=most)
         if not np.all(after.amplitudes <= most) or not keeps(other):
             continue
-        change = f"{name} {format_gain(name, old, settings)} -> {format_gain(name, factor * old, settings)}"
+        change = f"{name} {_format_gain(name, old, settings)} -> {_format_gain(name, factor * old, settings)}"
         if not after.count:
-            rests = f"{change}: rests in all runs{describe_offset(force, other)}, {KEPT}"
+            rests = f"{change}: rests in all runs{_describe_offset(force, other)}, {_KEPT}"
             return replace(found, advice=f"{halved}; or {rests}" if halved else rests)
-        halved, most = f"{change}: hunts by +-{format_length(after.amplitude, found.unit)}, {KEPT}", 0.0
+        halved, most = f"{change}: hunts by +-{format_length(after.amplitude, found.unit)}, {_KEPT}", 0.0
     return replace(found, advice=halved)
 
 
-def describe_offset(force: FrictionForce, settings: Drive) -> str:
+def _describe_offset(force: FrictionForce, settings: Drive) -> str:
     """Say how far from its set point an axis may rest without an integral part."""
     if np.isfinite(settings.tn):
         return ""
-    way = float(force.Fs[1]) / (gain_in_force(settings) * settings.kv)
+    way = float(force.Fs[1]) / (_gain_in_force(settings) * settings.kv)
     return f" within {format_length(way, settings.base_unit)} of the set point"
 
 
-def format_gain(name: str, number: float, settings: Drive) -> str:
+def _format_gain(name: str, number: float, settings: Drive) -> str:
     """Return a gain with its unit."""
     if name == "tn":
         return f"{1e3 * number:.4g} ms" if np.isfinite(number) else "none (no integral action)"

@@ -25,7 +25,7 @@ from robust.servo.gains.p_pi import (
 )
 from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 
-LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
+_LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
 
 
 def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
@@ -80,10 +80,10 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
     """
     require_kind("settings", settings, Drive)
     warn_of_slow_position_loop(settings)
-    return parts_and_blocks(settings, output_unit)
+    return _parts_and_blocks(settings, output_unit)
 
 
-def parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def _parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return what `to_blocks` returns, without its warning."""
     unit = output_unit or settings.output_unit
     kp = settings.gain * settings.output_factor(unit)
@@ -100,16 +100,16 @@ def parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.St
         "K_x": Pid(kp=settings.kv, reads="held error", drives="velocity set point"),
         "K_v": Pid(kp=kp - ki * settings.dt / 2, ki=ki, reads="velocity error", drives=signals[0]),
     }
-    system = fixed_parts(settings, "current" if unit == "A" else "force")
+    system = _fixed_parts(settings, "current" if unit == "A" else "force")
     for k, slot in enumerate(settings.filters):
         require_kind("filters", slot, Filter)
         if isinstance(slot, Notch):
-            slot = replace(slot, depth=max(slot.depth, LEAST_DEPTH))
+            slot = replace(slot, depth=max(slot.depth, _LEAST_DEPTH))
         blocks[f"filter {k + 1}"] = replace(slot, reads=signals[k], drives=signals[k + 1])
     return system, blocks
 
 
-def fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
+def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
     """Return all of a drive that is no gain: differences, hold, feedforward of the velocity, and the sums."""
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
@@ -169,7 +169,7 @@ def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_u
     40.0
     """
     require_kind("settings", settings, Drive)
-    _, own = parts_and_blocks(settings, output_unit)
+    _, own = _parts_and_blocks(settings, output_unit)
     for name, block in own.items():
         if type(blocks.get(name)) is not type(block) or blocks[name].present() != block.present():
             raise ValueError(

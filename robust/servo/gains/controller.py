@@ -30,17 +30,17 @@ from robust.lti.sampling import discretize
 from robust.servo.gains.p_pi import hold_mean, realise_section, velocity_section
 
 #: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
-MISFIT = 1e-6
+_MISFIT = 1e-6
 #: Frequencies [rad a sample] that K is compared on, and how slow a zero may be to be told from an integrator.
-SLOWEST, FASTEST, N_FREQUENCIES = 1e-6, 0.95 * np.pi, 200
+_SLOWEST, _FASTEST, _N_FREQUENCIES = 1e-6, 0.95 * np.pi, 200
 #: A zero, relative to the slowest frequency, below which it cancels the pole at zero: there is no integral part.
-NO_INTEGRATOR = 1e-6
+_NO_INTEGRATOR = 1e-6
 #: Distance of a zero from the pole of the filter, of that pole from 1, below which the two cancel.
-CANCELS = 1e-6
+_CANCELS = 1e-6
 
 
 @value
-class DriveReading:
+class _DriveReading:
     """A controller read as gains of a drive.
 
     Fields
@@ -76,7 +76,7 @@ class DriveReading:
         return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
 
 
-def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReading:
+def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = "") -> _DriveReading:
     """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
 
     A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.
@@ -129,36 +129,36 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
         K = discretize(K, like.dt)
     if timebase(K) and abs(timebase(K) / like.dt - 1) > 1e-9:
         raise ValueError(f"K must be sampled as the drive is, {like.dt:g} s, got {timebase(K):g} s")
-    angles = np.geomspace(SLOWEST, FASTEST, N_FREQUENCIES)
+    angles = np.geomspace(_SLOWEST, _FASTEST, _N_FREQUENCIES)
     behind = np.ones(angles.size, dtype=complex)
     for section in like.sections:
-        behind *= response_at(realise_section(section, like.dt), angles)[0]
-    measured = response_at(K, angles) / (behind * like.output_factor(output_unit or like.output_unit))
+        behind *= _response_at(realise_section(section, like.dt), angles)[0]
+    measured = _response_at(K, angles) / (behind * like.output_factor(output_unit or like.output_unit))
     if not np.all(np.abs(measured) > 0):
         raise ValueError("K must act on every position that the drive reads, got a response of zero")
     p = -np.expm1(-1j * angles)
     if like.encoder == "both" or like.velocity_from == "observer" or like.position_every > 1:
-        solutions = [read_known_velocity(measured, p, angles=angles, like=like)]
+        solutions = [_read_known_velocity(measured, p, angles=angles, like=like)]
     else:
-        solutions = read_pid(measured[0], p, like)
-    found = [settings_of(like, *map(float, solution)) for solution in solutions]
-    misfit = misfit_of(found[0], measured, p=p, angles=angles)
-    if not misfit <= MISFIT:
+        solutions = _read_pid(measured[0], p, like)
+    found = [_settings_of(like, *map(float, solution)) for solution in solutions]
+    misfit = _misfit_of(found[0], measured, p=p, angles=angles)
+    if not misfit <= _MISFIT:
         raise ValueError(
             f"K must be a P-PI cascade of this drive, got one that the nearest such cascade misses by {misfit:.2g} of "
             "its size: other filters than those of like, or another structure"
         )
-    return DriveReading(settings=found[0], alternative=found[1] if len(found) > 1 else None, misfit=misfit)
+    return _DriveReading(settings=found[0], alternative=found[1] if len(found) > 1 else None, misfit=misfit)
 
 
-def read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, float, float, float]]:
+def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, float, float, float]]:
     """Return (kp, kv, a, b) of K p (1 - b q) = n0 + n1 p + n2 p^2, both solutions; q = 1 - p."""
     R = K * p
     columns = np.stack([(1 - p) * R, np.ones_like(p), p, p**2])
     b, n0, n1, n2 = solve_relative(columns, R)
     if not abs(n1) + abs(n2) > 0:
         raise ValueError("K must act on the velocity, got one without a gain above zero frequency")
-    if abs(n0) <= NO_INTEGRATOR * SLOWEST * abs(n1):
+    if abs(n0) <= _NO_INTEGRATOR * _SLOWEST * abs(n1):
         n0 = 0.0
     if not -1e-9 <= b < 1:
         raise ValueError(
@@ -181,8 +181,8 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, flo
     found, refusals = [], []
     for position, velocity in pairs:
         z, a = 1 / (1 - position) if np.isfinite(position) else 0.0, -velocity / (1 - velocity)
-        kv = (1 - b) * (1 - z) * like.fs / (z - b) if z - b > CANCELS * (1 - b) else -1.0
-        if not (kv >= 0 and a >= 0 and z <= 1 and abs(1 - a - b) > CANCELS * (1 - b)):
+        kv = (1 - b) * (1 - z) * like.fs / (z - b) if z - b > _CANCELS * (1 - b) else -1.0
+        if not (kv >= 0 and a >= 0 and z <= 1 and abs(1 - a - b) > _CANCELS * (1 - b)):
             refusals.append((z, a))
             continue
         # K(z = infinity), where p = 1 and q = 0
@@ -197,14 +197,14 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, flo
     return found
 
 
-def read_known_velocity(
+def _read_known_velocity(
     K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
 ) -> tuple[float, float, float, float]:
     """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a.
 
     With two encoders the velocity loop is on the motor, and the position loop on the load.
     """
-    (V, H), both = parts_of(like, angles), like.encoder == "both"
+    (V, H), both = _parts_of(like, angles), like.encoder == "both"
     velocity = like.position_scale.factor * np.stack([p * V, (1 - p) * V])
     position = (like.load_scale if both else like.position_scale).factor * np.stack([p * H, (1 - p) * H])
     if both:
@@ -217,7 +217,7 @@ def read_known_velocity(
     return kp, by_position / kp, by_reset / kp, np.nan
 
 
-def settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive:
+def _settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive:
     """Return the settings of a drive with what was read."""
     if not (kp > 0 and kv > -1e-12 and a > -1e-12):
         raise ValueError(
@@ -234,9 +234,9 @@ def settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive:
     )
 
 
-def misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
+def _misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
     """Largest error of a cascade relative to K over the frequencies; K without filters and output factor."""
-    V, H = parts_of(settings, angles)
+    V, H = _parts_of(settings, angles)
     pi = settings.gain * (1 + settings.dt / settings.tn * (1 - p) / p)
     if settings.encoder == "both":
         paths = np.stack([settings.position_scale.factor * V, settings.kv * settings.load_scale.factor * H])
@@ -246,13 +246,13 @@ def misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndarr
         return float(np.max(np.abs(pi * paths - K) / np.abs(K)))
 
 
-def parts_of(settings: Drive, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _parts_of(settings: Drive, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) responses from a position to its velocity, and of what the position loop holds."""
     velocity = realise_section(velocity_section(settings), settings.dt)
-    return response_at(velocity, angles)[0], response_at(hold_mean(settings), angles)[0]
+    return _response_at(velocity, angles)[0], _response_at(hold_mean(settings), angles)[0]
 
 
-def response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
+def _response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
     """Return (inputs, W) response of a sampled system of one output at angles of a sample [rad]."""
     found = response_by_channel(system, angles / timebase(system)) if system.nstates else system.D[:, :, None]
     return np.asarray(np.broadcast_to(found[0], (system.ninputs, angles.size)))

@@ -31,9 +31,9 @@ from robust.models.sets.model import UncertaintyModel
 from robust.servo.gains.controller import solve_relative
 
 #: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
-MISFIT = 1e-6
+_MISFIT = 1e-6
 #: Velocities, relative to vs, on which the error of the friction is looked for.
-VELOCITIES = np.geomspace(1e-3, 1e2, 301)
+_VELOCITIES = np.geomspace(1e-3, 1e2, 301)
 
 
 #: A number that is known, or between what and what it lies.
@@ -41,7 +41,7 @@ Interval: TypeAlias = "float | tuple[float, float] | np.ndarray"
 
 
 @value
-class FeedforwardGains:
+class _FeedforwardGains:
     """Feedforward of mass, friction and jerk, with what is known of each.
 
     Fields
@@ -77,7 +77,7 @@ class FeedforwardGains:
     def force(self, v: float | np.ndarray, a: float | np.ndarray, j: float | np.ndarray = 0.0) -> np.ndarray:
         """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set point."""
         m, c = self.mass.mean(), self.viscous.mean()
-        middle = friction_force(np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        middle = _friction_force(np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
         return np.asarray((m + c * self.lead) * a + c * v + m * self.lead * j + middle * np.sign(v))
 
     def error(self, v: float | np.ndarray, a: float | np.ndarray) -> np.ndarray:
@@ -92,10 +92,10 @@ class FeedforwardGains:
     def friction_error(self) -> float:
         """Largest error of the dry friction over all velocities, q Fs [N] or [Nm]."""
         widest = np.nan_to_num(self.stribeck_velocity.max(), nan=1.0)
-        v = VELOCITIES * widest
-        middle = friction_force(v, self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        v = _VELOCITIES * widest
+        middle = _friction_force(v, self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
         corners = product(self.coulomb, self.stiction, self.stribeck_velocity)
-        return float(max(np.max(np.abs(friction_force(v, *corner) - middle)) for corner in corners))
+        return float(max(np.max(np.abs(_friction_force(v, *corner) - middle)) for corner in corners))
 
     @property
     def relative_error(self) -> float:
@@ -143,7 +143,7 @@ def feedforward(
     stiction: Interval | None = None,
     stribeck_velocity: Interval | None = None,
     settings: Drive | None = None,
-) -> FeedforwardGains:
+) -> _FeedforwardGains:
     """Return the feedforward gains of an axis without a spring: `robust.synthesis.feedforward_filter` takes none.
 
     Parameters
@@ -187,7 +187,7 @@ def feedforward(
     if settings is not None:
         require_kind("settings", settings, Drive)
         settings.output_factor(settings.force_unit)
-    read = (None, None) if plant is None else rigid_body(plant)
+    read = (None, None) if plant is None else _rigid_body(plant)
     mass = read[0] if mass is None else mass
     viscous = read[1] if viscous is None else viscous
     if mass is None:
@@ -197,13 +197,13 @@ def feedforward(
     if stiction is None and stribeck_velocity is not None:
         raise ValueError("stiction must be given with stribeck_velocity, got none")
     found = {
-        "mass": interval("mass", mass),
-        "viscous": interval("viscous", 0.0 if viscous is None else viscous),
-        "coulomb": interval("coulomb", coulomb),
-        "stiction": interval("stiction", coulomb if stiction is None else stiction),
+        "mass": _interval("mass", mass),
+        "viscous": _interval("viscous", 0.0 if viscous is None else viscous),
+        "coulomb": _interval("coulomb", coulomb),
+        "stiction": _interval("stiction", coulomb if stiction is None else stiction),
         "stribeck_velocity": np.full(2, np.nan)
         if stribeck_velocity is None
-        else interval("stribeck_velocity", stribeck_velocity),
+        else _interval("stribeck_velocity", stribeck_velocity),
     }
     for name in ("mass", "stribeck_velocity"):
         if found[name][0] <= 0:
@@ -213,17 +213,17 @@ def feedforward(
             f"stiction must be at least coulomb, {found['coulomb'].tolist()}, got {found['stiction'].tolist()}"
         )
     lead = 0.0 if settings is None else settings.lag + settings.delay + settings.dt / 2
-    return FeedforwardGains(**found, lead=lead, settings=settings)
+    return _FeedforwardGains(**found, lead=lead, settings=settings)
 
 
-def friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
+def _friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
     """Size of the dry friction at a speed v >= 0: from stiction to Coulomb friction (Stribeck)."""
     if np.isnan(stribeck_velocity):
         return np.asarray(coulomb + 0.0 * v)
     return np.asarray(coulomb + (stiction - coulomb) * np.exp(-((v / stribeck_velocity) ** 2)))
 
 
-def interval(name: str, given: Interval) -> np.ndarray:
+def _interval(name: str, given: Interval) -> np.ndarray:
     """Return (2,) least and largest value of a number or a pair, or a refusal."""
     if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
         low, high = (require_nonnegative(name, float(end)) for end in given)
@@ -233,7 +233,7 @@ def interval(name: str, given: Interval) -> np.ndarray:
     return np.full(2, require_nonnegative(name, require_real(name, given)))
 
 
-def rigid_body(
+def _rigid_body(
     plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass,
 ) -> tuple[Interval, Interval | None]:
     """Mass and viscous friction of a plant, the mass with its interval where it is known; none where nothing is."""
@@ -254,7 +254,7 @@ def rigid_body(
         raise ValueError("plant must be 1/(m s^2 + c s), got one with a response that is not finite")
     m, c = solve_relative(columns, np.ones(omega.size))
     misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
-    if not (misfit <= MISFIT and m > 0):
+    if not (misfit <= _MISFIT and m > 0):
         raise ValueError(
             f"plant must be 1/(m s^2 + c s), got one that the nearest misses by {misfit:.2g}: give mass and viscous of "
             "all that moves"

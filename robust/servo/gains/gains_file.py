@@ -18,12 +18,12 @@ from robust._base.warnings import DesignWarning
 from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch
 
 #: Filters of a drive: their frequency is typed under their name, the other numbers under these, with these defaults.
-FILTERS: dict[str, dict[str, float]] = {
+_FILTERS: dict[str, dict[str, float]] = {
     "notch": {"bandwidth": np.nan, "depth": 0.0},
     "low_pass": {"zeta": LowPass.zeta},
     "biquad": {"zeta": np.nan, "numerator_frequency": np.nan, "numerator_zeta": np.nan},
 }
-FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
+_FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
     "numerator_zeta": "share",
 }
@@ -82,13 +82,13 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
             raise ValueError(f"path must be a TOML file with the gains of a drive, got {path}: {error}") from None
     slots = content.pop("filters", [])
     found = read_drive_entries(str(path), content)
-    warn_of_unusual_gain(found["kv"], content["kv"])
+    _warn_of_unusual_gain(found["kv"], content["kv"])
     if not isinstance(slots, list):
         raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
-    return Drive(**found, filters=tuple(map(read_slot, slots)))
+    return Drive(**found, filters=tuple(map(_read_slot, slots)))
 
 
-def warn_of_unusual_gain(kv: float, written: Json) -> None:
+def _warn_of_unusual_gain(kv: float, written: Json) -> None:
     """Warn of a position gain kv [1/s] that hardly any drive has: its unit may be another one."""
     low, high = USUAL_KV
     if is_unusual_gain(kv):
@@ -100,17 +100,17 @@ def warn_of_unusual_gain(kv: float, written: Json) -> None:
         )
 
 
-def read_slot(given: Json) -> Filter:
+def _read_slot(given: Json) -> Filter:
     """One filter of the file."""
-    kinds = [kind for kind in FILTERS if isinstance(given, Mapping) and kind in given]
+    kinds = [kind for kind in _FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
-        raise ValueError(f"filters must each have one of {', '.join(FILTERS)}, got {short_form(given)}")
+        raise ValueError(f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}")
     kind = kinds[0]
-    if others := sorted(set(given) - {kind} - set(FILTER_NUMBERS)):
-        raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(FILTER_NUMBERS)} what {kind} takes")
-    typed = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
-    numbers = FILTERS[kind] | typed
-    if set(numbers) != set(FILTERS[kind]) or np.isnan(list(numbers.values())).any():
+    if others := sorted(set(given) - {kind} - set(_FILTER_NUMBERS)):
+        raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(_FILTER_NUMBERS)} what {kind} takes")
+    typed = {name: parse_quantity(name, _FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
+    numbers = _FILTERS[kind] | typed
+    if set(numbers) != set(_FILTERS[kind]) or np.isnan(list(numbers.values())).any():
         raise ValueError(f"filters must have the numbers that {kind} takes, got {', '.join(typed) or 'none'}")
     f = require_positive(kind, parse_quantity(kind, "frequency", given[kind]))
     omega = 2 * np.pi * f

@@ -71,7 +71,7 @@ def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -
     scale = settings.gain * settings.output_factor(unit)
     warn_of_slow_position_loop(settings)
     dt = settings.dt
-    K = in_series(measured_velocity(settings), *behind_velocity_loop(settings, scale), dt=dt)
+    K = in_series(_measured_velocity(settings), *_behind_velocity_loop(settings, scale), dt=dt)
     if actuator:
         current = control.StateSpace([], [], [], [[1.0]], 0)
         if rate := settings.lag and 1 / settings.lag:
@@ -89,19 +89,19 @@ def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSp
     ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
     velocity_set_point = in_parallel(times(settings.kv, held), in_series(difference, held, dt=settings.dt))
-    error = added(times(factor, velocity_set_point), times(-1.0, measured_velocity(settings)))
-    return in_series(error, *behind_velocity_loop(settings, scale), dt=settings.dt)
+    error = _added(times(factor, velocity_set_point), times(-1.0, _measured_velocity(settings)))
+    return in_series(error, *_behind_velocity_loop(settings, scale), dt=settings.dt)
 
 
-def measured_velocity(settings: Drive) -> control.StateSpace:
+def _measured_velocity(settings: Drive) -> control.StateSpace:
     """Return what the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
     velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt))
     factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
-    join = added if settings.encoder == "both" else in_parallel
+    join = _added if settings.encoder == "both" else in_parallel
     return join(velocity, times(settings.kv * factor, hold_mean(settings)))
 
 
-def behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSpace]:
+def _behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSpace]:
     """Return the PI of a velocity error, times a scale, and the filters behind it."""
     dt = settings.dt
     share = dt / settings.tn
@@ -159,7 +159,7 @@ def times(factor: float, system: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
 
 
-def added(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
+def _added(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
     """Return the sum of the outputs of two systems of inputs of their own."""
     both = block_diagonal([F, G], F.dt)
     return control.StateSpace(both.A, both.B, both.C.sum(axis=0)[None], both.D.sum(axis=0)[None], F.dt)

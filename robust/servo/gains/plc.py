@@ -15,8 +15,8 @@ from nlfrf.axis import Drive
 from robust.servo.gains.p_pi import velocity_section
 
 #: Words of IEC 61131-3 that no block can be named after.
-RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
-RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
+_RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
+_RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
 
 
 def structured_text(settings: Drive, *, name: str = "PositionController", output_unit: str = "") -> str:
@@ -60,7 +60,7 @@ def structured_text(settings: Drive, *, name: str = "PositionController", output
     ['integral := 0.0;', 'integral := integral + integral_gain * velocity_error;']
     """
     require_kind("settings", settings, Drive)
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name.upper() in RESERVED:
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name.upper() in _RESERVED:
         raise ValueError(f"name must be an identifier of IEC 61131-3, got {short_form(name)}")
     unit = output_unit or settings.output_unit
     factor = settings.output_factor(unit)
@@ -68,15 +68,15 @@ def structured_text(settings: Drive, *, name: str = "PositionController", output
         f"FUNCTION_BLOCK {name}",
         f"(* Position P, velocity PI. Call once every {1e3 / settings.fs:.12g} ms, in a task of fixed period. *)",
         *(f"(* {row} *)" for row in str(settings).splitlines()),
-        *declarations(settings, unit, factor),
+        *_declarations(settings, unit, factor),
         "",
-        *statements(settings),
+        *_statements(settings),
         "END_FUNCTION_BLOCK",
     ]
     return "\n".join(rows) + "\n"
 
 
-def declarations(settings: Drive, unit: str, factor: float) -> list[str]:
+def _declarations(settings: Drive, unit: str, factor: float) -> list[str]:
     """Return the variables of the block, with their units and numbers."""
     base, two = settings.base_unit, settings.encoder == "both"
     gain, fs = settings.gain * factor, settings.fs
@@ -108,12 +108,12 @@ def declarations(settings: Drive, unit: str, factor: float) -> list[str]:
     rows += ["VAR_OUTPUT", f"    output : LREAL; (* set point of the current loop [{unit}] *)"]
     rows += ["    limited : BOOL; (* whether the output is at its limit *)", "END_VAR", "VAR CONSTANT"]
     for key, number, of in constants:
-        rows.append(f"    {key} : LREAL := {literal(number)};{f' (* {of} *)' if of else ''}")
+        rows.append(f"    {key} : LREAL := {_literal(number)};{f' (* {of} *)' if of else ''}")
     rows += ["END_VAR", "VAR", "    started : BOOL := FALSE;", "    countdown : INT := 0;"]
     return [*rows, *(f"    {state} : LREAL := 0.0;" for state in states), "END_VAR"]
 
 
-def statements(settings: Drive) -> list[str]:
+def _statements(settings: Drive) -> list[str]:
     """Return the statements of one call."""
     keys = ["velocity", *(f"filter{k + 1}" for k in range(len(settings.filters)))]
     limit = np.isfinite(settings.limit)
@@ -130,7 +130,7 @@ def statements(settings: Drive) -> list[str]:
         "END_IF;",
         "(* velocity, from the way since the start *)",
         "velocity_in := position - position_origin;",
-        *section_statements("velocity"),
+        *_section_statements("velocity"),
         "(* position loop *)",
         "IF countdown <= 0 THEN",
         f"    velocity_set := set_point_factor * (position_gain * (position_set - {measured})",
@@ -144,7 +144,7 @@ def statements(settings: Drive) -> list[str]:
         "unlimited := velocity_gain * velocity_error + integral;",
     ]
     for key in keys[1:]:
-        rows += [f"{key}_in := unlimited;", *section_statements(key), f"unlimited := {key}_out;"]
+        rows += [f"{key}_in := unlimited;", *_section_statements(key), f"unlimited := {key}_out;"]
     rows += ["unlimited := unlimited + added;", "output := unlimited;", "limited := FALSE;"]
     if limit:
         rows += [
@@ -165,7 +165,7 @@ def statements(settings: Drive) -> list[str]:
     ]
 
 
-def section_statements(key: str) -> list[str]:
+def _section_statements(key: str) -> list[str]:
     """One second-order section, transposed direct form II."""
     return [
         f"{key}_out := {key}_b0 * {key}_in + {key}_s1;",
@@ -174,10 +174,10 @@ def section_statements(key: str) -> list[str]:
     ]
 
 
-def literal(number: float) -> str:
+def _literal(number: float) -> str:
     """Return a number as LREAL takes it, exact to the bit.
 
-    >>> literal(5.0), literal(1e-5), literal(1e20)
+    >>> _literal(5.0), _literal(1e-5), _literal(1e20)
     ('5.0', '1.0E-05', '1.0E+20')
     """
     mantissa, _, exponent = repr(float(number)).upper().partition("E")

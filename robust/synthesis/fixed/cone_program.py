@@ -18,7 +18,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.conic import solve_conic
 
-MAX_STEP_RATIO = 100.0
+_MAX_STEP_RATIO = 100.0
 
 
 @value
@@ -145,7 +145,7 @@ def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
         return parts(np.where(a > 0, a * step.Y[line], rows.b[pick, None] * step.X[line]))
 
     # a step, where there is no end to improvement
-    cones = [[MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]]
+    cones = [[_MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]]
     cones += [[size, *parts(part[lines])] for size, part in zip(sizes, (step.Y, step.X), strict=True)]
     cones.append([of_eta(hard.R[~adds_hard]), *alone(hard, ~adds_hard)])
     positive = [of_eta(step.linear), of_eta(hard.R[adds_hard]) - added(hard, adds_hard)]

@@ -17,11 +17,11 @@ from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
 from robust.synthesis.fixed.structures import Basis
 
-WORKING_LINES = 80
-TOLERANCE = 1e-6
-STEP_GAIN = 1e-4
-HALVINGS = 8  # of the way to where the demands are met
-MAX_GAIN_RATIO = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
+_WORKING_LINES = 80
+_TOLERANCE = 1e-6
+_STEP_GAIN = 1e-4
+_HALVINGS = 8  # of the way to where the demands are met
+_MAX_GAIN_RATIO = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
 
 
 @value
@@ -69,7 +69,7 @@ class DesignTask:
 
     def merit(self, theta: np.ndarray) -> tuple[float, float]:
         """Demands first, then the goal."""
-        return max(self.hard(theta), 1 + TOLERANCE), self.goal(theta)
+        return max(self.hard(theta), 1 + _TOLERANCE), self.goal(theta)
 
     def stability_change(self, old: np.ndarray, new: np.ndarray) -> str:
         """Empty where loop and controller keep their number of unstable poles on the way from old to new; else why."""
@@ -125,19 +125,19 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     return np.vstack(rows)
 
 
-def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
+def _working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     """Return (W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
     W = task.at.omega.size
-    if W <= 1.5 * WORKING_LINES:
+    if W <= 1.5 * _WORKING_LINES:
         return np.ones(W, dtype=bool)
     log = np.log(task.at.omega)
     mask = np.zeros(W, dtype=bool)
-    for target in np.linspace(log.min(), np.log(task.at.highest), WORKING_LINES):
+    for target in np.linspace(log.min(), np.log(task.at.highest), _WORKING_LINES):
         mask[int(np.argmin(np.abs(log - target)))] = True
-    return mask | demand_peaks(task, theta, 8)
+    return mask | _demand_peaks(task, theta, 8)
 
 
-def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
+def _demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     """Return (W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
     mask = np.zeros(task.at.omega.size, dtype=bool)
     Y, X = task.split(theta)
@@ -152,7 +152,7 @@ def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     return mask
 
 
-def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
+def _convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
     """Return the step about theta, and the way from eta back to theta.
 
     level: the demands themselves are what is minimised, as one of them is not met yet.
@@ -166,7 +166,7 @@ def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level:
     T = np.zeros((theta.size, theta.size))
     for part, size, first in ((Yb, 1 / P[mask], 0), (Xb, task.at.centre[mask] / P[mask], task.basis.n_y)):
         own = slice(first, first + (task.basis.n_x if first else task.basis.n_y))
-        T[own, own] = orthonormal(part[:, own] * size[:, None])
+        T[own, own] = _orthonormal(part[:, own] * size[:, None])
 
     def arrays(rows: list[Demand]) -> Rows:
         parts = []
@@ -199,7 +199,7 @@ def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level:
     return step, T
 
 
-def orthonormal(columns: np.ndarray) -> np.ndarray:
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """Return (n, n) T with orthonormal columns @ T, real and imaginary parts taken together."""
     scale = 1 / np.linalg.norm(columns, axis=0)
     R = np.linalg.qr(np.vstack([columns.real, columns.imag]) * scale, mode="r")
@@ -215,11 +215,11 @@ def iterate(
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Return the best of what the iteration makes of each start: parameters, history and why it ended."""
-    found = [improve_start(task, theta, n_iterations=n_iterations, progress=progress) for theta in starts]
+    found = [_improve_start(task, theta, n_iterations=n_iterations, progress=progress) for theta in starts]
     return min(found, key=lambda result: task.merit(result[0]))
 
 
-def improve_start(
+def _improve_start(
     task: DesignTask,
     theta: np.ndarray,
     *,
@@ -227,32 +227,32 @@ def improve_start(
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Convex steps from one start until nothing improves: parameters, history and why it ended."""
-    mask = working_lines(task, theta)
+    mask = _working_lines(task, theta)
     history: list[float] = []
     slow, why, first = 0, "converged", task.merit(theta)[1]
     for k in range(n_iterations):
-        level = task.hard(theta) > 1 + TOLERANCE
-        step, T = convex_step(task, theta, mask=mask, level=level)
+        level = task.hard(theta) > 1 + _TOLERANCE
+        step, T = _convex_step(task, theta, mask=mask, level=level)
         eta, trouble = solve_step(step)
         if eta is None:
             why = f"{trouble}; the last controller before is kept"
             break
         new = T @ eta
         before = task.merit(theta)
-        best, obstacle = line_search(task, theta, new)
+        best, obstacle = _line_search(task, theta, new)
         after = task.merit(best)
-        missed = demand_peaks(task, new, 6) & ~mask
+        missed = _demand_peaks(task, new, 6) & ~mask
         if missed.any() and not is_lower(after, before, 1e-2):
             mask = mask | missed  # the program did not see what held the step back
             if not is_lower(after, before, 0.0):
                 continue
-        slow = 0 if is_lower(after, before, STEP_GAIN) else slow + 1
+        slow = 0 if is_lower(after, before, _STEP_GAIN) else slow + 1
         if is_lower(after, before, 0.0):
             theta = best / np.linalg.norm(best)
-        history.append(after[0] if after[0] > 1 + TOLERANCE else abs(after[1]))
+        history.append(after[0] if after[0] > 1 + _TOLERANCE else abs(after[1]))
         if progress is not None:
             progress(k + 1, history[-1])
-        if first < 0 and after[1] < MAX_GAIN_RATIO * first:
+        if first < 0 and after[1] < _MAX_GAIN_RATIO * first:
             why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
             break
         if slow >= 2:
@@ -271,7 +271,7 @@ def is_lower(after: tuple[float, float], before: tuple[float, float], by: float)
     return after[1] < before[1] - by * abs(before[1])
 
 
-def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
+def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
     """Return the best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
     P_old, P = task.loop(old), task.loop(new)
     new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one
@@ -290,18 +290,18 @@ def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.
                 break
         if best is not old:
             break
-    if task.hard(old) > 1 + TOLERANCE >= task.hard(best):
-        best = nearest_met(task, old, best)
+    if task.hard(old) > 1 + _TOLERANCE >= task.hard(best):
+        best = _nearest_met(task, old, best)
     return best, obstacle
 
 
-def nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
+def _nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
     """Return where the demands are first met on the way: a step that looks at nothing else gives the goal away."""
     low, high, best = 0.0, 1.0, met
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle = (low + high) / 2
         trial = old + middle * (met - old)
-        if task.hard(trial) <= 1 + TOLERANCE:
+        if task.hard(trial) <= 1 + _TOLERANCE:
             high = middle
             if task.merit(trial) < task.merit(best) and not task.stability_change(old, trial):
                 best = trial

@@ -31,10 +31,10 @@ Bound: TypeAlias = "float | LinearSystem"
 
 
 #: The set must stay this far inside stability, so that a check can prove it between the lines too.
-BACK_OFF = 0.99
+_BACK_OFF = 0.99
 
 
-def limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
+def _limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
     """Return (W,) a limit given as a number, or as the magnitude of a system."""
     if isinstance(bound, (control.StateSpace, control.TransferFunction)):
         out = np.abs(response(state_space(name, bound), omega))
@@ -54,7 +54,7 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
         sizes[name] = np.zeros(at.omega.size) if w is None else np.abs(response(state_space(name, w), at.omega))
         if not np.isfinite(sizes[name]).all():
             raise ValueError(f"{name} must be finite on the lines, got a pole on one")
-    a, b = worst_case_terms(at, sizes["w_P"])
+    a, b = _worst_case_terms(at, sizes["w_P"])
     if w_P is None:
         a, b = 0 * a, 0 * b  # stability of the set is a demand of its own
     c = np.hypot(sizes["w_u"], sizes["w_T"] * np.abs(at.G))
@@ -75,7 +75,7 @@ def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u
     return rows
 
 
-def worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, sufficient where the set is none."""
     return p * (1 + at.outside) + at.outside, at.radius
 
@@ -127,32 +127,32 @@ def limit_rows(
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
         direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
-        b, x = np.where(direct, 0.0, at.radius / BACK_OFF), np.where(direct, at.G, at.centre)
-        rows.append(demand_row("robust stability", at, a=at.inverse / BACK_OFF, b=b, x=x))
+        b, x = np.where(direct, 0.0, at.radius / _BACK_OFF), np.where(direct, at.G, at.centre)
+        rows.append(demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
     if M_S is not None:
-        a, b = worst_case_terms(at, 1 / limit_on_lines("M_S", M_S, at.omega))
-        rows.append(demand_row(f"|S| <= {describe_bound(M_S)}", at, a=a, b=b))
+        a, b = _worst_case_terms(at, 1 / _limit_on_lines("M_S", M_S, at.omega))
+        rows.append(demand_row(f"|S| <= {_describe_bound(M_S)}", at, a=a, b=b))
     if M_T is not None:
-        rows.append(peak_of_T(at, limit_on_lines("M_T", M_T, at.omega), f"|T| <= {describe_bound(M_T)}"))
+        rows.append(_peak_of_T(at, _limit_on_lines("M_T", M_T, at.omega), f"|T| <= {_describe_bound(M_T)}"))
     if M_u is not None:
-        most = limit_on_lines("M_u", M_u, at.omega)
+        most = _limit_on_lines("M_u", M_u, at.omega)
         rows.append(
-            demand_row(f"|K S| <= {describe_bound(M_u)}", at, a=at.outside, b=at.radius + (1 + at.outside) / most)
+            demand_row(f"|K S| <= {_describe_bound(M_u)}", at, a=at.outside, b=at.radius + (1 + at.outside) / most)
         )
     if omega_c is not None:
         least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
-        rows.append(gain_row(at, "omega_c", least, 1.0))
+        rows.append(_gain_row(at, "omega_c", least, 1.0))
         if highest is not None:
-            where = nearest_lines(at, "omega_c", highest)
+            where = _nearest_lines(at, "omega_c", highest)
             rows.append(
                 demand_row(f"|L| <= 1 at {format_hertz(highest)}", at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where)
             )
     if gain is not None:
-        rows.append(gain_row(at, "gain", *gain))
+        rows.append(_gain_row(at, "gain", *gain))
     return rows
 
 
-def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
+def _peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
     """|T| <= M over the set: exact for M > 1, where L must stay out of a circle; by the triangle below that."""
     big = M > 1 + 1e-6
     square = np.where(big, M**2 - 1, 1.0)
@@ -166,18 +166,18 @@ def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
     return demand_row(name, at, a=a, b=b, x=x)
 
 
-def gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
+def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
     """|L| of the nominal at least so large at a frequency."""
     least = require_real(name, least)
     if least <= 0:
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
-    where = nearest_lines(at, name, omega)
+    where = _nearest_lines(at, name, omega)
     return demand_row(
         f"|L| >= {least:g} at {format_hertz(float(omega))}", at, a=least, b=0.0, y=0.0, x=at.G, index=where
     )
 
 
-def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
+def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
     """Return the lines nearest to a frequency, one for each plant, or a refusal outside the band."""
     omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
@@ -194,6 +194,6 @@ def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
     return np.array(found)
 
 
-def describe_bound(bound: Bound) -> str:
+def _describe_bound(bound: Bound) -> str:
     """Return a limit in words."""
     return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

@@ -60,16 +60,16 @@ from robust.synthesis.hinf.design import Design
 
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
-LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
+_LOOKS, _LOOKED, _NEARLY = 3, 1e-3, 1.1
 #: Starts that are followed where the controller has to be proved for friction: of 15 in example 19 five were, at a gain
 #: that was lowered, and none of those with the most integral gain.
-PROVED_STARTS = 6
-N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
-N_REFINED = 8  # more of them, around the best
+_PROVED_STARTS = 6
+_N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
+_N_REFINED = 8  # more of them, around the best
 #: What a demand may be missed by, recomputed on those lines.
-LIMIT_TOLERANCE = 1e-3
+_LIMIT_TOLERANCE = 1e-3
 #: Gains of a controller that are tried for a proof, one after the other, and how close a bisection comes from there.
-PROOF_GAINS, PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
+_PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 
 #: What a controller is proved for: a class of friction with its machines, or one machine and a class.
 Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
@@ -94,29 +94,29 @@ def design_loop(
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
-    dt = loop_sampling_time(plants, dt)
-    warn_of_ringing(options["filter_time"], dt)
-    named = [*per_demand_list("omega_c", options["omega_c"]), *per_demand_list("gain", options["gain"])[:1]]
+    dt = _loop_sampling_time(plants, dt)
+    _warn_of_ringing(options["filter_time"], dt)
+    named = [*_per_demand_list("omega_c", options["omega_c"]), *_per_demand_list("gain", options["gain"])[:1]]
     wanted = tuple(require_real("omega_c", w) for w in named)
     sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
     end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive"]
-    known = what_is_known(options, n_unstable)
+    known = _what_is_known(options, n_unstable)
     look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes, known=known)
     family = [look(p) for p in plants]
-    basis = structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
+    basis = _structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
         raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
     if positive_gains and not is_constant(basis.fixed):
         raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
     if positive_gains and shape.free:
-        return best_filter(plant, structure, basis=basis, options=options)
+        return _best_filter(plant, structure, basis=basis, options=options)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
         """Return the task on the lines too that controllers, or their loops, have features on."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
         Y, X = basis.columns(at.omega)
-        task_aim, gamma, rows = split_demands(own, at, aim=aim, options=options, end_gain=end_gain)
+        task_aim, gamma, rows = _split_demands(own, at, aim=aim, options=options, end_gain=end_gain)
         return DesignTask(
             basis=basis,
             family=family,
@@ -131,24 +131,24 @@ def design_loop(
             X=X,
         )
 
-    warn_of_rising_gain(family, dt)
+    _warn_of_rising_gain(family, dt)
     task = closer([basis.known_modes()])
-    starts = starts_for(task, options)
+    starts = _starts_for(task, options)
     if not starts:  # of what an FRF may be below its first line the likeliest alone
         family = [at.held_for(at.readings[:1]) for at in family]
         task = closer([basis.known_modes()])
-        starts = starts_for(task, options) or refuse_without_start(task, options["start"])
-    follow = partial(iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
+        starts = _starts_for(task, options) or _refuse_without_start(task, options["start"])
+    follow = partial(_iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
     else:  # the best controller may be one of which no gain is proved, and another one is
         each = [follow(task, [one]) for one in starts]
-        theta, history, why = best_proved(task, each, prove=options["prove"], delay=delay)
-    found = evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
-    return with_lines_named(found, family, aim=aim, options=options) if found.met else found
+        theta, history, why = _best_proved(task, each, prove=options["prove"], delay=delay)
+    found = _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+    return _with_lines_named(found, family, aim=aim, options=options) if found.met else found
 
 
-def warn_of_ringing(filter_time: float | None, dt: float) -> None:
+def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
     """Warn of a derivative filter that is too fast for its clock."""
     if filter_time is not None and 2 * filter_time < dt * (1 - 1e-9):
         keep = (2 * filter_time - dt) / (2 * filter_time + dt)
@@ -160,7 +160,7 @@ def warn_of_ringing(filter_time: float | None, dt: float) -> None:
         )
 
 
-def warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
+def _warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
     """Warn of an FRF whose gain rises over its last lines: above them it is taken to be no larger than there."""
     for at in family:
         if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
@@ -172,7 +172,7 @@ def warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
             )
 
 
-def best_filter(
+def _best_filter(
     plant: DesignPlant | Sequence[DesignPlant],
     structure: str | int | ControllerStructure,
     *,
@@ -187,7 +187,7 @@ def best_filter(
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
     freely = design_loop(plant, structure, {**options, "positive": False})
-    if has_positive_gains(freely.K, basis.dt):
+    if _has_positive_gains(freely.K, basis.dt):
         return freely
     omega = np.array([1e-3 * basis.omega_mid])
 
@@ -203,19 +203,19 @@ def best_filter(
         found.append(((not design.met, goal), design))
         return goal if design.met else np.inf
 
-    log_poles = np.linspace(np.log(basis.slowest), np.log(0.9 * basis.fastest), N_FILTER_TIMES)
+    log_poles = np.linspace(np.log(basis.slowest), np.log(0.9 * basis.fastest), _N_FILTER_TIMES)
     goals = [merit(log_pole) for log_pole in log_poles]
     if not found:
         assert refused is not None
         raise refused
     best = int(np.argmin(goals))
     if np.isfinite(goals[best]):  # six filters are too few: the gain between two of them may be half as large again
-        between = log_poles[max(best - 1, 0)], log_poles[min(best + 1, N_FILTER_TIMES - 1)]
-        minimize_scalar(merit, bounds=between, method="bounded", options={"maxiter": N_REFINED, "xatol": 0.02})
+        between = log_poles[max(best - 1, 0)], log_poles[min(best + 1, _N_FILTER_TIMES - 1)]
+        minimize_scalar(merit, bounds=between, method="bounded", options={"maxiter": _N_REFINED, "xatol": 0.02})
     return min(found, key=lambda one: one[0])[1]
 
 
-def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
+def _has_positive_gains(K: control.StateSpace, dt: float) -> bool:
     """Return whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
     p = K.poles()
     s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
@@ -228,7 +228,7 @@ def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
     return bool(np.all(gains >= 0))
 
 
-def iterate_on_loop_lines(
+def _iterate_on_loop_lines(
     task: DesignTask,
     starts: list[np.ndarray],
     *,
@@ -242,21 +242,21 @@ def iterate_on_loop_lines(
     """
     tried, found, history = [], [], tuple[float, ...]()
     begin = starts
-    for _ in range(1 + LOOKS):
+    for _ in range(1 + _LOOKS):
         theta, more, why = iterate(task, begin, n_iterations=n_iterations, progress=progress)
         history += more
         tried.append(task.basis.controller(theta))
         finer = closer(tried)
         found.append((finer.merit(theta), theta, why))
-        missed = task.hard(theta) <= 1 + LIMIT_TOLERANCE < finer.hard(theta)
-        if not n_iterations or not (missed or is_lower(task.merit(theta), finer.merit(theta), LOOKED)):
+        missed = task.hard(theta) <= 1 + _LIMIT_TOLERANCE < finer.hard(theta)
+        if not n_iterations or not (missed or is_lower(task.merit(theta), finer.merit(theta), _LOOKED)):
             break
-        task, begin = finer, [theta] if finer.hard(theta) < NEARLY else starts
+        task, begin = finer, [theta] if finer.hard(theta) < _NEARLY else starts
     _, theta, why = min(found, key=lambda one: one[0])
     return theta, history, why
 
 
-def best_proved(
+def _best_proved(
     task: DesignTask, found: list[tuple[np.ndarray, tuple[float, ...], str]], *, prove: Proved, delay: float
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Return the best of what was found, each with the largest gain up to its own that is proved for the friction."""
@@ -283,15 +283,15 @@ def largest_proved_gain(
     def is_proved(gain: float) -> bool:
         return all(prove_friction(one, gain * K, friction, delay=delay).verdict.is_proved for one in machines)
 
-    low = next((gain for gain in PROOF_GAINS if is_proved(gain)), 0.0)
+    low = next((gain for gain in _PROOF_GAINS if is_proved(gain)), 0.0)
     high = 2 * low
-    while 0 < low < 1 and high > PROOF_GAIN_RATIO * low:
+    while 0 < low < 1 and high > _PROOF_GAIN_RATIO * low:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if is_proved(middle) else (low, middle)
     return low
 
 
-def split_demands(
+def _split_demands(
     family: list[PlantOnLines], at: PlantOnLines, *, aim: str, options: LoopOptions, end_gain: float
 ) -> tuple[str, Demand | None, list[Demand]]:
     """Return what is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
@@ -315,22 +315,22 @@ def split_demands(
     return aim, objective_row(at, w_P, w_T, w_u), rows + end_row(family, at, end_gain)
 
 
-def what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
+def _what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
     """Return what the user says of an FRF: positive gains are those of a stable plant whose y rises as u rises."""
     n = options["plant_integrators"]
     n = None if n is None else require_integer("plant_integrators", n, least=0)
     return KnownPlant(n_unstable=n_unstable, n_integrators=n, sign=1 if options["y_rises"] and not n_unstable else None)
 
 
-def starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
+def _starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
     """Return the parameters of controllers that stabilise the plant, given or found; none where there are none."""
     if options["start"] is not None:
-        return check_start(task, options["start"])
-    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], PROVED_STARTS)
-    return search_starts(task, n_starts)
+        return _check_start(task, options["start"])
+    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], _PROVED_STARTS)
+    return _search_starts(task, n_starts)
 
 
-def check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
+def _check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
     """Return the parameters of a controller that was given to start from; none where it does not stabilise."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
@@ -343,7 +343,7 @@ def check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
     return [theta]
 
 
-def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
+def _search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
     """Return n_starts controllers that stabilise and a simple one; none where there are none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
     return find_start(
@@ -359,7 +359,7 @@ def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
     )
 
 
-def refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn:
+def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn:
     """Refuse a task without a controller to begin from."""
     if start is not None:
         K = task.basis.controller(start_from_controller(task.basis, start, task.at))
@@ -367,7 +367,7 @@ def refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn
         raise ValueError(f"start must stabilise the plant, got one with which {why}")
     plants = "every plant" if len(task.family) > 1 else "the plant"
     gains = " of positive gains" if task.positive else ""
-    gaps = [gap for at in task.family if (gap := describe_phase_gap(at))]
+    gaps = [gap for at in task.family if (gap := _describe_phase_gap(at))]
     because = gaps[0] if gaps else "Or take a structure of higher order"
     if task.positive and all(read_below(*at.measured)[0].sign < 0 for at in task.family):
         because = "Its phase says that y falls as u rises: change the sign of one of them"
@@ -377,7 +377,7 @@ def refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn
     )
 
 
-def describe_phase_gap(at: PlantOnLines) -> str:
+def _describe_phase_gap(at: PlantOnLines) -> str:
     """Say where two lines of an FRF lie too far apart for a winding number, at the largest |G|; empty where none do."""
     omega, G = at.measured
     turn = np.abs(np.angle(G[1:] / G[:-1]))
@@ -392,7 +392,7 @@ def describe_phase_gap(at: PlantOnLines) -> str:
     )
 
 
-def per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[float]:
+def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[float]:
     """Return what was given as one number or two, as a list; the gain always has two."""
     if given is None:
         return []
@@ -403,7 +403,7 @@ def per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[
     return many
 
 
-def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
+def _loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
     sources = [p.nominal if isinstance(p, UncertaintyModel) else p for p in plants]
     stated = [one for one in sources if not (is_single(one) or isinstance(one, DiscsOnLines))]
@@ -413,7 +413,7 @@ def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     )
 
 
-def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
+def _structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
     """Return the structure on the band of the lines."""
     F = state_space("fixed", fixed)
     require_sampling_time("fixed", F, reference="the controller", wanted=dt)
@@ -428,7 +428,7 @@ def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, 
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str) -> Design:
+def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
     state, trouble = loops_stable(K, task.family, task.n_unstable)
@@ -443,14 +443,14 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
     failed = []
     for row in task.rows:
         v = row.measure(ones, k)
-        if v.max() > 1 + LIMIT_TOLERANCE:
+        if v.max() > 1 + _LIMIT_TOLERANCE:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     failed.sort(reverse=True)
     text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
     reason = f"not found: {text} ({why})" if failed else why
     if undecided := describe_open_reading(K, task.family, task.n_unstable):
         state, reason = Stability.UNDECIDED, f"{undecided}; {reason}"
-    crossovers, peak_S, peak_T = describe_loop(task, K)
+    crossovers, peak_S, peak_T = _describe_loop(task, K)
     return Design(
         K=K,
         gamma=gamma,
@@ -464,13 +464,13 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
     )
 
 
-def with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions) -> Design:
+def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions) -> Design:
     """Return a design that is met, with the lines named on which it is where a mode between two of them may miss it."""
     paths = [along_arcs(at) for at in family if at.loop is None]
     if not paths:
         return design
     at = stacked_plants(paths)
-    _, gamma, rows = split_demands([], at, aim=aim, options={**options, "omega_c": None, "gain": None}, end_gain=1.0)
+    _, gamma, rows = _split_demands([], at, aim=aim, options={**options, "omega_c": None, "gain": None}, end_gain=1.0)
     missed = [(row, 1.0) for row in rows] + ([] if gamma is None else [(gamma, design.gamma)])
     k = response(design.K, at.omega)
     worst, name, where = 0.0, "", 0.0
@@ -478,7 +478,7 @@ def with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, op
         v = row.measure(np.ones(k.size, complex), k) / most
         if v.max() > worst:
             worst, name, where = float(v.max()), row.name, float(at.omega[row.index[v.argmax()]])
-    if worst <= 1 + LIMIT_TOLERANCE:
+    if worst <= 1 + _LIMIT_TOLERANCE:
         return design
     n_lines = sum(one.measured[0].size for one in family if one.loop is None)
     return replace(
@@ -489,7 +489,7 @@ def with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, op
     )
 
 
-def describe_loop(task: DesignTask, K: control.StateSpace) -> tuple[tuple[float, ...], float, float]:
+def _describe_loop(task: DesignTask, K: control.StateSpace) -> tuple[tuple[float, ...], float, float]:
     """Return where the nominal loops of the family cross over, and their largest |S| and |T| on the lines."""
     crossovers: list[float] = []
     peaks = []

@@ -26,16 +26,16 @@ from robust.models.sets.measured import FrfSource, hold_and_delay_factor, parts_
 from robust.models.sets.model import UncertaintyModel
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
-LARGEST_DISC = 0.98
+_LARGEST_DISC = 0.98
 #: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.
-FAR, N_FAR = 1e5, 31
+_FAR, _N_FAR = 1e5, 31
 #: Parts that the way between two lines is looked at in, and maxima of |S| and |T| that become lines: so much of the
 #: largest.
-PARTS, NEAR_PEAK = 8, 0.7
+_PARTS, _NEAR_PEAK = 8, 0.7
 #: The last lines of an FRF are those above its last one over this.
-LAST_LINES = 1.25
+_LAST_LINES = 1.25
 #: Of the frequencies below the first line of an FRF every so many is a line of the demands.
-BELOW = 3
+_BELOW = 3
 
 
 @value
@@ -115,7 +115,7 @@ class PlantOnLines:
     def rises_at_end(self) -> bool:
         """Return whether |G| rises over the last lines of an FRF by more than their bound leaves open."""
         (omega, G), radius = self.measured, self.radius[self.on_lines]
-        last = np.union1d(np.flatnonzero(omega > omega[-1] / LAST_LINES), np.arange(omega.size)[-4:])
+        last = np.union1d(np.flatnonzero(omega > omega[-1] / _LAST_LINES), np.arange(omega.size)[-4:])
         x, y = np.log(omega[last]), np.log(np.abs(G[last]) + 1e-300)
         x = x - x.mean()
         error = radius[last] / np.abs(G[last])
@@ -155,11 +155,11 @@ def plant_on_lines(
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
     if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
-        return measured_lines(plant, dt, delay, known, K)
-    return modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
+        return _measured_lines(plant, dt, delay, known, K)
+    return _modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
 
 
-def with_discs(
+def _with_discs(
     form: str,
     omega: np.ndarray,
     *,
@@ -173,7 +173,7 @@ def with_discs(
     """Return a plant with the discs that a form of set makes of responses and weights (W,) on its lines."""
     size = np.abs(G)
     inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
-    disc = w < LARGEST_DISC
+    disc = w < _LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     return PlantOnLines(
@@ -191,7 +191,7 @@ def with_discs(
     )
 
 
-def measured_lines(
+def _measured_lines(
     plant: FrfSource | DiscsOnLines, dt: float, delay: float, known: KnownPlant, K: Sequence[control.StateSpace]
 ) -> PlantOnLines:
     """Return an FRF, carried on below its first line and above its last one."""
@@ -212,7 +212,7 @@ def measured_lines(
             "them, or measure at lower frequency if that is not so"
         )
     low = right[0]
-    omega, G = np.concatenate([low.omega[::BELOW], omega]), np.concatenate([low.G[::BELOW], G])
+    omega, G = np.concatenate([low.omega[::_BELOW], omega]), np.concatenate([low.G[::_BELOW], G])
     size = np.ones(omega.size) if FORMS[form].vanishes_with_plant else np.abs(G)
     w = np.concatenate([radius_below(omega[-n:], w / size[-n:]) * size[:-n], w])
     above = omega[-1] * np.geomspace(1.2, 100, 14)
@@ -220,12 +220,12 @@ def measured_lines(
     on_lines = np.arange(omega.size + above.size) < omega.size
     omega = np.concatenate([omega, above])
     G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
-    omega, G, w, on_lines = add_mode_lines(K, omega, G=G, w=w, known=on_lines)
-    seen = with_discs(form, omega, G=G, w=w, known=on_lines, n_integrators=0, band=band)
+    omega, G, w, on_lines = _add_mode_lines(K, omega, G=G, w=w, known=on_lines)
+    seen = _with_discs(form, omega, G=G, w=w, known=on_lines, n_integrators=0, band=band)
     return replace(seen, readings=right, open_readings=() if known.sign else readings).held_for(right)
 
 
-def modelled_lines(
+def _modelled_lines(
     plant: UncertaintyModel | AnySystem,
     dt: float,
     delay: float,
@@ -247,40 +247,40 @@ def modelled_lines(
     if dt and isinstance(plant, UncertaintyModel):
         warn_of_unknown_hold(plant, dt)
     loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
-    omega = design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
+    omega = _design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
     band = float(omega[0]), float(omega[-1])
-    above = np.geomspace(1, FAR, N_FAR)[1:] * band[1]
+    above = np.geomspace(1, _FAR, _N_FAR)[1:] * band[1]
     omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
     G = loop.plant_response(omega)
     omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
     w, known = np.abs(response(loop.weight, omega)), np.ones(omega.size, dtype=bool)
     n = integrator_poles(loop.G, loop.dt)
-    seen = with_discs(source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop)
+    seen = _with_discs(source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop)
     if not isinstance(plant, UncertaintyModel) or loop.aliases is None:
         return seen
     every = loop.aliases.sampled_radius(omega, G)
     return replace(seen, radius=np.where(np.isfinite(every), every, seen.radius))  # without a bound the check judges
 
 
-def add_mode_lines(
+def _add_mode_lines(
     K: Sequence[control.StateSpace], omega: np.ndarray, *, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lines, FRF, weight and what is known of it, with lines where controllers have modes and their loops peaks."""
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
-    modes += [loop_peak_lines(one, omega[known], G[known]) for one in K]
+    modes += [_loop_peak_lines(one, omega[known], G[known]) for one in K]
     if not any(one.size for one in modes):
         return omega, G, w, known
     both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
     return both, interpolate_frf(both, omega, G), np.interp(both, omega, w), both <= last
 
 
-def loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return frequencies between two lines where |S| or |T| has a maximum near its largest, the FRF interpolated."""
-    at = np.append(omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(PARTS) / PARTS), omega[-1])
+    at = np.append(omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS), omega[-1])
     L = interpolate_frf(at, omega, G) * response(K, at)
     found = []
     for size in (np.abs(1 / (1 + L)), np.abs(L / (1 + L))):
-        top = (size[1:-1] > size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > NEAR_PEAK * size.max())
+        top = (size[1:-1] > size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > _NEAR_PEAK * size.max())
         found.append(at[1:-1][top])
     return np.setdiff1d(np.concatenate(found), omega)
 
@@ -292,7 +292,7 @@ def along_arcs(at: PlantOnLines) -> PlantOnLines:
     (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is largest on one of them.
     """
     lines = np.flatnonzero(at.on_lines)
-    first, second, part = lines[:-1, None], lines[1:, None], np.arange(1, PARTS) / PARTS
+    first, second, part = lines[:-1, None], lines[1:, None], np.arange(1, _PARTS) / _PARTS
 
     def paths(x: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):
@@ -300,7 +300,7 @@ def along_arcs(at: PlantOnLines) -> PlantOnLines:
         return np.concatenate([((1 - part) * x[first] + part * x[second]).ravel(), arc.ravel()])
 
     def larger(x: np.ndarray) -> np.ndarray:
-        return np.tile(np.repeat(np.maximum(x[lines[:-1]], x[lines[1:]]), PARTS - 1), 2)
+        return np.tile(np.repeat(np.maximum(x[lines[:-1]], x[lines[1:]]), _PARTS - 1), 2)
 
     omega = np.tile((at.omega[first] * (at.omega[second] / at.omega[first]) ** part).ravel(), 2)
     return replace(
@@ -315,7 +315,7 @@ def along_arcs(at: PlantOnLines) -> PlantOnLines:
     )
 
 
-def design_grid(
+def _design_grid(
     loop: Loop,
     lines: np.ndarray,
     *,

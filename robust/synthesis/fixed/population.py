@@ -13,12 +13,12 @@ import numpy as np
 
 from robust.synthesis.fixed.structures import Basis
 
-LEAST_DAMPING = 0.05  # of a pair of roots: below it the lines between which it hides decide
-BEST_SHARE = 0.2  # of the population that the others are drawn to
-STEPS = (0.3, 0.9)  # how far, and how much of a difference of two others is added
-PATIENT, DARING, SETTLING = 20, 35, 5  # generations with the demands first; with a price on them; and first again
-PRICES = (3.0, 100.0)  # factors of the goal that one of the worst demand is worth, to begin with and in the end
-MET_FIRST = 1e4  # far above the logarithm of any goal
+_LEAST_DAMPING = 0.05  # of a pair of roots: below it the lines between which it hides decide
+_BEST_SHARE = 0.2  # of the population that the others are drawn to
+_STEPS = (0.3, 0.9)  # how far, and how much of a difference of two others is added
+_PATIENT, _DARING, _SETTLING = 20, 35, 5  # generations with the demands first; with a price on them; and first again
+_PRICES = (3.0, 100.0)  # factors of the goal that one of the worst demand is worth, to begin with and in the end
+_MET_FIRST = 1e4  # far above the logarithm of any goal
 
 #: (N, n) parameters to what is compared first, the worst demand, and last, the goal; both (N,).
 Merit = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -35,12 +35,12 @@ def genes_of_roots(zeros: np.ndarray, poles: np.ndarray, gains: np.ndarray) -> n
     return np.log(np.array([*parts, np.abs(gains)])).T
 
 
-def roots_of_genes(genes: np.ndarray, degree: int, real: bool) -> np.ndarray:
+def _roots_of_genes(genes: np.ndarray, degree: int, real: bool) -> np.ndarray:
     """Return (N, degree) roots of one polynomial, and its genes are the first of those given."""
     roots = []
     for k in range(0, degree - 1, 2):
         middle, size = np.exp(genes[:, k]) / 2, np.exp(genes[:, k + 1] / 2)
-        middle = np.maximum(middle, size if real else LEAST_DAMPING * size)
+        middle = np.maximum(middle, size if real else _LEAST_DAMPING * size)
         spread = np.sqrt((middle**2 - size**2).astype(complex))
         roots += [-(size**2) / (middle + spread), -middle - spread]  # the slow one without a difference
     if degree % 2:
@@ -52,10 +52,10 @@ def parameters(basis: Basis, genes: np.ndarray, signs: np.ndarray) -> np.ndarray
     """Return (N, n) theta of the genes; poles are kept where the structure has them."""
     shape = basis.structure
     n_poles = shape.n_poles if shape.free else 0
-    zeros = roots_of_genes(genes, shape.n_zeros, shape.real)
+    zeros = _roots_of_genes(genes, shape.n_zeros, shape.real)
     y = np.ones((len(genes), 1))
     if n_poles:
-        poles = roots_of_genes(genes[:, shape.n_zeros :], n_poles, shape.real)
+        poles = _roots_of_genes(genes[:, shape.n_zeros :], n_poles, shape.real)
         size, most = np.abs(poles), 0.5 * basis.fastest
         y = basis.coefficients(poles / size * np.clip(size, min(1.1 * basis.slowest, most), most))
     return np.hstack([y, (signs * np.exp(genes[:, -1]))[:, None] * basis.coefficients(zeros)])
@@ -78,10 +78,10 @@ def evolve(
     what they are missed by that rises until nothing is worth it, which goes through where they are not.
     """
     rng = np.random.default_rng(0)
-    patient, daring = [np.inf] * PATIENT, [*np.geomspace(*PRICES, DARING), *[np.inf] * SETTLING]
+    patient, daring = [np.inf] * _PATIENT, [*np.geomspace(*_PRICES, _DARING), *[np.inf] * _SETTLING]
     genes = np.vstack(
         [
-            generations(basis, genes, signs, prices=prices, box=box, merit=merit, allowed=allowed, rng=rng)
+            _generations(basis, genes, signs, prices=prices, box=box, merit=merit, allowed=allowed, rng=rng)
             for prices in (patient, daring)
         ]
     )
@@ -92,7 +92,7 @@ def evolve(
     return theta[order], genes[order]
 
 
-def generations(
+def _generations(
     basis: Basis,
     genes: np.ndarray,
     signs: np.ndarray,
@@ -113,22 +113,22 @@ def generations(
     genes, n = genes.copy(), len(genes)
     hard, goal = merit(parameters(basis, genes, signs))
     for price in prices:
-        cost = costs(hard, goal, price)
-        best = genes[np.argsort(cost)[rng.integers(max(2, int(BEST_SHARE * n)), size=n) % n]]
+        cost = _costs(hard, goal, price)
+        best = genes[np.argsort(cost)[rng.integers(max(2, int(_BEST_SHARE * n)), size=n) % n]]
         one, other = genes[rng.integers(n, size=n)], genes[rng.integers(n, size=n)]
-        trial = np.clip(genes + rng.uniform(*STEPS, size=(n, 1)) * (best - genes + one - other), *box)
+        trial = np.clip(genes + rng.uniform(*_STEPS, size=(n, 1)) * (best - genes + one - other), *box)
         theta = parameters(basis, trial, signs)
         new_hard, new_goal = merit(theta)
-        better = np.flatnonzero(costs(new_hard, new_goal, price) < cost)
+        better = np.flatnonzero(_costs(new_hard, new_goal, price) < cost)
         if better.size:
             better = better[allowed(theta[better])]
             genes[better], hard[better], goal[better] = trial[better], new_hard[better], new_goal[better]
     return genes
 
 
-def costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
+def _costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
     """Return (N,) logarithm of the goal with that of the worst demand at a price; demands first at an infinite one."""
     missed = np.log(np.maximum(hard, 1.0))
     size = np.log(np.maximum(np.abs(goal), 1e-300))
     goal = np.where(goal < 0, -size, size)
-    return goal + price * missed if np.isfinite(price) else np.where(missed > 0, missed, goal - MET_FIRST)
+    return goal + price * missed if np.isfinite(price) else np.where(missed > 0, missed, goal - _MET_FIRST)

@@ -37,13 +37,13 @@ from robust.synthesis.hinf.design import Design
 if TYPE_CHECKING:
     import control
 
-SWEEPS = 6  # times each loop is designed with the others closed, at most
-TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
-WIDENINGS = 3  # times the discs are made wider for the sake of the whole
-N_LINES = 300  # of a parametric plant, beside those of its modes
-BAND_EXTENSION = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
-CONFIDENCE = 0.95  # of the set around an FRM
-PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
+_SWEEPS = 6  # times each loop is designed with the others closed, at most
+_TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
+_WIDENINGS = 3  # times the discs are made wider for the sake of the whole
+_N_LINES = 300  # of a parametric plant, beside those of its modes
+_BAND_EXTENSION = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
+_CONFIDENCE = 0.95  # of the set around an FRM
+_PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
             "integrators", "filter_time", "stable", "start", "n_starts")  # fmt: skip
 
 
@@ -113,31 +113,31 @@ def close_in_turn(
     plant: Bla | UncertaintyModel, structure: Structure | list[Structure], options: LoopOptions
 ) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
-    dt = require_plant(plant, options)
+    dt = _require_plant(plant, options)
     n = plant.n_inputs
     of_loops = {**options, "dt": dt, "delay": 0.0}
-    each = [loop_demands(k, n, structure=structure, options=of_loops) for k in range(n)]
-    on_lines = matrix_on_lines(plant, dt, options["delay"])
-    order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
+    each = [_loop_demands(k, n, structure=structure, options=of_loops) for k in range(n)]
+    on_lines = _matrix_on_lines(plant, dt, options["delay"])
+    order = sorted(range(n), key=lambda k: -_crossover_of(each[k][1]["omega_c"]))
     K: list[control.StateSpace | None] = [None] * n
     wider, history = 1.0, list[float]()
-    for _ in range(WIDENINGS):
-        for sweep in range(SWEEPS):
+    for _ in range(_WIDENINGS):
+        for sweep in range(_SWEEPS):
             for k in order:
-                if K[k] is None or not evaluate_loop(on_lines, k, K=K, own=each[k], wider=wider).met:
-                    made = design_loop_k(
-                        plant, on_lines, k=k, K=K, own=tighten_demands(each[k], TIGHTENING**sweep), wider=wider
+                if K[k] is None or not _evaluate_loop(on_lines, k, K=K, own=each[k], wider=wider).met:
+                    made = _design_loop_k(
+                        plant, on_lines, k=k, K=K, own=_tighten_demands(each[k], _TIGHTENING**sweep), wider=wider
                     )
                     history += made.history
                     K[k] = made.K
-            loops = [evaluate_loop(on_lines, k, K=K, own=each[k], wider=1.0) for k in range(n)]
+            loops = [_evaluate_loop(on_lines, k, K=K, own=each[k], wider=1.0) for k in range(n)]
             if all(loop.met for loop in loops):
                 break
-        whole, margin = check_whole_set(plant, on_lines, K=K, order=order, dt=dt)
+        whole, margin = _check_whole_set(plant, on_lines, K=K, order=order, dt=dt)
         if not whole or not 0 < margin < np.inf:
             break
         wider *= 1.1 / margin
-    bad = [f"{loop_name(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
+    bad = [f"{_loop_name(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
     bad += [f"not found: {whole}"] if whole else []
     text = (
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
@@ -157,7 +157,7 @@ def close_in_turn(
     )
 
 
-def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
+def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
     """Return the sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -189,10 +189,10 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
     return step
 
 
-def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
+def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
     own = {**options, "structure": structure}
-    for name in (*PER_LOOP_OPTIONS, "structure"):
+    for name in (*_PER_LOOP_OPTIONS, "structure"):
         given = own[name]
         if isinstance(given, list) and len(given) != n:
             raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
@@ -200,28 +200,28 @@ def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], opti
     return own.pop("structure"), own
 
 
-def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
+def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
     """Return the matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
         factor = hold_and_delay_factor(plant, plant.omega, dt=dt, delay=delay)
         left, right = block_radii_of_record(
-            plant, plant.G, missed=np.zeros(plant.G.shape), spec=RadiusSpec(p=CONFIDENCE), form=ADDITIVE
+            plant, plant.G, missed=np.zeros(plant.G.shape), spec=RadiusSpec(p=_CONFIDENCE), form=ADDITIVE
         )
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
             omega=plant.omega,
             G=G,
-            left=diagonal_matrices(left),
-            right=diagonal_matrices(right),
+            left=_diagonal_matrices(left),
+            right=_diagonal_matrices(right),
             radius=np.zeros(G.shape),
         )
     require_record_form(plant, "to tune its loops one by one (dk_iteration takes every form)")
     N = plant.nominal
     modes = structure_grid(N)
     low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])
-    far = np.pi / dt if dt else BAND_EXTENSION * high
-    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, N_LINES)]))
+    far = np.pi / dt if dt else _BAND_EXTENSION * high
+    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, _N_LINES)]))
     omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
     G = frequency_response_matrices((N.A, N.B, N.C, N.D), omega, dt)
     right = np.abs([response(w, omega) for w in plant.right])
@@ -229,27 +229,27 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
         none = np.zeros((omega.size, n, 1))
         radius = right.reshape(n, n, -1).transpose(2, 1, 0)
         return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
-    left = diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
+    left = _diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
     left = G @ left if plant.form == INPUT else left
-    return MatrixOnLines(omega=omega, G=G, left=left, right=diagonal_matrices(right), radius=np.zeros(G.shape))
+    return MatrixOnLines(omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape))
 
 
-def diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
+def _diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
     """Return (W, n, n) diagonal matrices of (n, W) numbers."""
     return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
 
 
-def crossover_of(given: float | tuple[float, float] | None) -> float:
+def _crossover_of(given: float | tuple[float, float] | None) -> float:
     """Return what a loop is ordered by: the fastest is closed first."""
     return float(np.min(given)) if given is not None else 0.0
 
 
-def loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
+def _loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
     """Return a loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
-def design_loop_k(
+def _design_loop_k(
     plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
     *,
@@ -268,11 +268,11 @@ def design_loop_k(
     except ValueError as error:
         closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
         raise ValueError(
-            f"{loop_name(plant, k)} must close with loops {closed} closed before it, but {error}"
+            f"{_loop_name(plant, k)} must close with loops {closed} closed before it, but {error}"
         ) from None
 
 
-def tighten_demands(own: LoopTask, share: float) -> LoopTask:
+def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
     """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
     structure, options = own
     M_S, M_T, M_u = (
@@ -287,7 +287,7 @@ def tighten_demands(own: LoopTask, share: float) -> LoopTask:
     return structure, {**options, "M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
 
 
-def evaluate_loop(
+def _evaluate_loop(
     on_lines: MatrixOnLines, k: int, *, K: list[control.StateSpace | None], own: LoopTask, wider: float
 ) -> Design:
     """Loop k as it is, with all others closed."""
@@ -296,7 +296,7 @@ def evaluate_loop(
     return design_loop(on_lines.seen_from(k, K, wider), structure, as_it_is)
 
 
-def check_whole_set(
+def _check_whole_set(
     plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
     *,
@@ -317,7 +317,7 @@ def check_whole_set(
         if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):
             return why, np.nan
     on_lines = finer
-    gains = diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
+    gains = _diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
     N = on_lines.right @ gains @ np.linalg.inv(np.eye(len(K)) + on_lines.G @ gains) @ on_lines.left
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
@@ -335,6 +335,6 @@ def check_sequential_stability(
         readings = read_below(loop.omega, loop.G, loop.radius)
         turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
-            return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
+            return f"the whole is not known to be stable: {_loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]
     return ""

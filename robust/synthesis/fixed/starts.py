@@ -23,26 +23,26 @@ from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
 from robust.synthesis.fixed.structures import Basis
 
-CROSSOVERS, LEADS, RESETS, GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
-INTEGRATOR_LEAKS = (1e-4, 1e-2)
-MAX_LINES = 100
-PER_CROSSOVER = 3  # simple controllers of each crossover that the search begins from
-BEYOND = 1.0  # logarithm of the factor that the search may leave the simple controllers by
-DISTINCT = 0.5  # logarithm of the factor that some coefficient of two starts differs by
-PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
+_CROSSOVERS, _LEADS, _RESETS, _GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
+_INTEGRATOR_LEAKS = (1e-4, 1e-2)
+_MAX_LINES = 100
+_PER_CROSSOVER = 3  # simple controllers of each crossover that the search begins from
+_BEYOND = 1.0  # logarithm of the factor that the search may leave the simple controllers by
+_DISTINCT = 0.5  # logarithm of the factor that some coefficient of two starts differs by
+_PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
 
 
-def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (N, n) sizes of zeros and poles and (N,) crossovers of PI-like, lead and mixed shapes over the band."""
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
     most = 0.5 * basis.fastest
-    leaks = (0.0, *INTEGRATOR_LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
-    leads = LEADS if shape.n_zeros > n_pi else LEADS[:1]
-    resets = RESETS if n_pi or len(leaks) > 1 else RESETS[:1]
+    leaks = (0.0, *_INTEGRATOR_LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
+    leads = _LEADS if shape.n_zeros > n_pi else _LEADS[:1]
+    resets = _RESETS if n_pi or len(leaks) > 1 else _RESETS[:1]
     zeros, poles, centres = [], [], []
-    for c in np.geomspace(sizes.min(), sizes.max(), CROSSOVERS + 2)[1:-1]:
+    for c in np.geomspace(sizes.min(), sizes.max(), _CROSSOVERS + 2)[1:-1]:
         for leak, lead, reset in product(leaks, leads, resets):
             slow = n_pi + (leak > 0)
             spare = shape.n_zeros - slow
@@ -57,7 +57,7 @@ def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.n
     return at_zeros, np.clip(at_poles, min(1.1 * basis.slowest, most), most), np.array(centres)
 
 
-def project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Parameters of a given controller, as near as the structure comes to it on the lines."""
     s = basis.plane(omega)
     k = response(K0, omega)
@@ -78,7 +78,7 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
     for i, at in enumerate(family):
         who = f" of plant {i + 1}" if len(family) > 1 else ""
         if at.loop is not None:
-            found, why = stable_by_poles(at.loop, K)
+            found, why = _stable_by_poles(at.loop, K)
             if found is not Stability.STABLE:
                 return found, f"the loop{who} {why}"
             continue
@@ -116,7 +116,7 @@ def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_u
     return ""
 
 
-def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
+def _stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
     """Return whether every pole of a parametric loop is stable beyond rounding."""
     closed = replace(loop, K=K)
     try:
@@ -140,11 +140,11 @@ def find_start(
     wanted: int,
 ) -> list[np.ndarray]:
     """Parameters of stabilising controllers: as many as wanted that evolved, and one that is simple; may be empty."""
-    zeros, poles, centres = simple_controllers(basis, at)
+    zeros, poles, centres = _simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
-    thin[np.unique(np.linspace(0, at.omega.size - 1, MAX_LINES).astype(int))] = True
+    thin[np.unique(np.linspace(0, at.omega.size - 1, _MAX_LINES).astype(int))] = True
     for row in rows:
-        if row.index.size < MAX_LINES:
+        if row.index.size < _MAX_LINES:
             thin[row.index] = True
     omega = at.omega[thin]
     s = basis.plane(omega)
@@ -172,34 +172,34 @@ def find_start(
     Y, X = theta[:, : basis.n_y] @ Y_columns, theta[:, basis.n_y :] @ X_columns
     with np.errstate(divide="ignore"):
         unit = np.abs(Y[each, k] / (at.G[thin][k] * X[each, k]))
-    gains = np.concatenate([sign * part * unit for sign in (1, -1) for part in GAINS])
+    gains = np.concatenate([sign * part * unit for sign in (1, -1) for part in _GAINS])
     fine = np.isfinite(gains) & (gains != 0)
-    which, gains = np.tile(each, 2 * len(GAINS))[fine], gains[fine]
+    which, gains = np.tile(each, 2 * len(_GAINS))[fine], gains[fine]
     genes, signs, centres = genes_of_roots(zeros[which], poles[which], gains), np.sign(gains), centres[which]
     theta = parameters(basis, genes, signs)
     hard, best = merit(theta)
     order = np.lexsort((best, hard))
     order = order[np.isfinite(hard[order])]
 
-    allowed = winding_test(basis, family, n_unstable)
+    allowed = _winding_test(basis, family, n_unstable)
     niches: dict[float, list[int]] = {}
     for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
         for k in batch[allowed(theta[batch])]:
             niches.setdefault(float(centres[k]), []).append(int(k))
-    chosen = [k for own in niches.values() for k in own[:PER_CROSSOVER]]
+    chosen = [k for own in niches.values() for k in own[:_PER_CROSSOVER]]
     if not chosen:
         return []
-    box = genes.min(axis=0) - BEYOND, genes.max(axis=0) + BEYOND
+    box = genes.min(axis=0) - _BEYOND, genes.max(axis=0) + _BEYOND
     evolved, own_genes = evolve(basis, genes[chosen], signs[chosen], box=box, merit=merit, allowed=allowed)
     simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
-    is_right = partial(stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable)
-    found = add_distinct([], evolved, own_genes, most=wanted, is_right=is_right)
+    is_right = partial(_stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable)
+    found = _add_distinct([], evolved, own_genes, most=wanted, is_right=is_right)
     # behind those that evolved a simple one, where the convex steps may go further; all of them where none of the
     # others is known to be stable: the winding number was guessed
-    return [one for one, _ in add_distinct(found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right)]
+    return [one for one, _ in _add_distinct(found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right)]
 
 
-def stabilises(
+def _stabilises(
     basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int, allow_unstable: bool
 ) -> bool:
     """Return whether parameters are of a controller that stabilises every plant, and is stable where it has to be."""
@@ -208,7 +208,7 @@ def stabilises(
     return may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE
 
 
-def add_distinct(
+def _add_distinct(
     found: list[tuple[np.ndarray, np.ndarray]],
     thetas: np.ndarray,
     genes: np.ndarray,
@@ -221,12 +221,12 @@ def add_distinct(
     for theta, own in zip(thetas, genes, strict=True):
         if len(found) >= most:
             break
-        if not any(np.abs(own - other).max() < DISTINCT for _, other in found) and is_right(theta):
+        if not any(np.abs(own - other).max() < _DISTINCT for _, other in found) and is_right(theta):
             found.append((theta, own))
     return found
 
 
-def winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> Callable[[np.ndarray], np.ndarray]:
+def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> Callable[[np.ndarray], np.ndarray]:
     """Return what tells of (N, n) stable controllers whether 1 + L winds as it has to, on the lines of every plant."""
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     plants = []
@@ -238,7 +238,7 @@ def winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> C
             curves = [(one.n_integrators, one.G) for one in at.readings]
         else:
             omega = at.omega[at.known]
-            below, G = omega[:0], response(barely_damped(at.loop.G, PULLED_IN * omega.min()), omega)
+            below, G = omega[:0], response(_barely_damped(at.loop.G, _PULLED_IN * omega.min()), omega)
             wanted, curves = unstable_poles(at.loop.G, at.loop.dt), [(at.n_integrators, np.zeros(0, complex))]
         Y, X = basis.columns(omega)
         plants.append((below.size, Y.T, X.T, G, curves, at.loop is None, wanted))
@@ -260,7 +260,7 @@ def winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> C
     return is_right
 
 
-def barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
+def _barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
     """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary rounding picks the side it turns."""
     dt = timebase(G)
     A = G.A * np.exp(-sigma * dt) if dt else G.A - sigma * np.eye(G.nstates)
@@ -272,7 +272,7 @@ def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> 
     K0 = state_space("start", start)
     require_sampling_time("start", K0, reference="the design", wanted=basis.dt)
     omega = at.omega[at.omega <= at.highest * (1 + 1e-9)]
-    theta = project_on_structure(basis, K0, omega)
+    theta = _project_on_structure(basis, K0, omega)
     K, k = basis.controller(theta), response(K0, omega)
     error = float(np.max(np.abs(response(K, omega) - k) / np.abs(k)))
     if not error < 0.1:

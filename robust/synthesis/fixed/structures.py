@@ -17,10 +17,10 @@ from robust.lti.realisation import from_roots, order_roots
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
-LARGEST_ORDER = 12
-CONJUGATE = 1e-9  # imaginary part over size up to which a root that was computed is real
+_LARGEST_ORDER = 12
+_CONJUGATE = 1e-9  # imaginary part over size up to which a root that was computed is real
 # zeros, integrators, other poles
-NAMED_STRUCTURES = {
+_NAMED_STRUCTURES = {
     "P": (0, 0, 0),
     "I": (0, 1, 0),
     "PI": (1, 1, 0),
@@ -92,10 +92,10 @@ class ControllerStructure:
             raise ValueError(f"n_poles must be that of the poles given, {poles.size}, got {self.n_poles}")
         object.__setattr__(self, "poles", tuple(complex(p) for p in poles))
         object.__setattr__(self, "n_poles", int(poles.size) or self.n_poles)
-        if not self.n_zeros <= self.order <= LARGEST_ORDER:
+        if not self.n_zeros <= self.order <= _LARGEST_ORDER:
             raise ValueError(
-                f"n_zeros must be at most the poles and integrators ({self.order}), and these at most {LARGEST_ORDER}, "
-                f"got {self.n_zeros}"
+                f"n_zeros must be at most the poles and integrators ({self.order}), and these at most "
+                f"{_LARGEST_ORDER}, got {self.n_zeros}"
             )
 
     @property
@@ -122,20 +122,20 @@ def structure_of(
         text = f"order-{name}"
     if text.startswith("order-") and text[6:].isdigit():
         n = int(text[6:])
-        if n > LARGEST_ORDER or integrators > n:
+        if n > _LARGEST_ORDER or integrators > n:
             raise ValueError(
-                f"structure must have an order from {integrators} (its integrators) to {LARGEST_ORDER}, got {n}"
+                f"structure must have an order from {integrators} (its integrators) to {_LARGEST_ORDER}, got {n}"
             )
         found = ControllerStructure(name=text, n_zeros=n, n_integrators=integrators, n_poles=n - integrators)
-    elif text in NAMED_STRUCTURES:
+    elif text in _NAMED_STRUCTURES:
         if integrators:
             raise ValueError(f'integrators must only be given with "order-n", got {integrators} with {text!r}')
-        zeros, own, rest = NAMED_STRUCTURES[text]
+        zeros, own, rest = _NAMED_STRUCTURES[text]
         found = ControllerStructure(
             n_zeros=zeros, n_integrators=own, n_poles=rest, real=text.startswith("lead"), name=text
         )
     else:
-        words = ", ".join(NAMED_STRUCTURES)
+        words = ", ".join(_NAMED_STRUCTURES)
         raise ValueError(
             f'structure must be one of {words}, "order-n" or a ControllerStructure, got {short_form(name)}'
         )
@@ -271,7 +271,7 @@ class Basis:
         """Return a system with the poles that every controller of the structure has, but for its integrators."""
         y = np.array(self.structure.poles, dtype=complex)
         y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
-        return in_series(from_roots(np.zeros(0), order_roots(y, CONJUGATE), 1.0, self.dt), self.fixed, dt=self.dt)
+        return in_series(from_roots(np.zeros(0), order_roots(y, _CONJUGATE), 1.0, self.dt), self.fixed, dt=self.dt)
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zeros and poles of K without its known factor, in the s plane."""
@@ -287,7 +287,7 @@ class Basis:
             h = self.dt / 2
             x = np.concatenate([(1 + x * h) / (1 - x * h), np.full(y.size - x.size, -1.0)])
             y = (1 + y * h) / (1 - y * h)
-        K = from_roots(order_roots(x, CONJUGATE), order_roots(y, CONJUGATE), 1.0, self.dt)
+        K = from_roots(order_roots(x, _CONJUGATE), order_roots(y, _CONJUGATE), 1.0, self.dt)
         ratio = wanted / response(K, np.array([self.omega_mid]))[0]
         K = control.StateSpace(K.A, K.B, K.C * ratio.real, K.D * ratio.real, self.dt)
         return in_series(K, self.fixed, dt=self.dt)

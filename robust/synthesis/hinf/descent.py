@@ -20,11 +20,11 @@ from robust.models.fit.refinement import section_logarithms, zeros_and_poles
 from robust.synthesis.hinf.generalised_plant import dual_plant, has_zero_on_axis, normalise_plant, prepare_plant
 from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
 
-STEP = 1e-4  # of a logarithm, for the difference quotient
-FIRST_STEP = 0.1  # of all logarithms together, before anything is known of the curvature
-SHORTENINGS = 8  # of a step, to a third each time
-EQUAL = 0.05  # largest difference of the logarithms of scalings that are kept equal
-NEAR, FAR, LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a level, relative to it
+_STEP = 1e-4  # of a logarithm, for the difference quotient
+_FIRST_STEP = 0.1  # of all logarithms together, before anything is known of the curvature
+_SHORTENINGS = 8  # of a step, to a third each time
+_EQUAL = 0.05  # largest difference of the logarithms of scalings that are kept equal
+_NEAR, _FAR, _LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a level, relative to it
 
 
 def descend(
@@ -35,7 +35,7 @@ def descend(
     least_norm : of scalings, the last one (of the performance, which stays one) left out.
     """
     dt = timebase(scaling[0])
-    groups = equal_scalings(scaling)
+    groups = _equal_scalings(scaling)
     shapes = [sections_of(scaling[group[0]]) for group in groups]
     x = np.concatenate([part for part, _ in shapes])
     if not np.isfinite(x).all():
@@ -54,15 +54,15 @@ def descend(
 
     now, slope, moved, inverse = norm(x), np.zeros(0), np.zeros(0), np.zeros((0, 0))
     while np.isfinite(now):
-        before, slope = slope, np.array([norm(x + STEP * unit) - now for unit in np.eye(x.size)]) / STEP
+        before, slope = slope, np.array([norm(x + _STEP * unit) - now for unit in np.eye(x.size)]) / _STEP
         if not np.isfinite(slope).all() or not slope.any():
             return
         if not before.size:
-            inverse = FIRST_STEP / np.linalg.norm(slope) * np.eye(x.size)
+            inverse = _FIRST_STEP / np.linalg.norm(slope) * np.eye(x.size)
         else:
-            inverse = updated_inverse(inverse, moved, slope - before)
+            inverse = _updated_inverse(inverse, moved, slope - before)
         step = -inverse @ slope
-        for _ in range(SHORTENINGS):
+        for _ in range(_SHORTENINGS):
             reached = norm(x + step)
             if reached < now + 0.1 * (slope @ step):
                 break
@@ -78,22 +78,22 @@ def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float
     plant = normalise_plant(prepare_plant(P, n_y, n_u))
     if plant is None or any(map(has_zero_on_axis, (plant, dual_plant(plant)))):
         return np.inf
-    width, low, high = NEAR, near * (1 - NEAR), near * (1 + NEAR)
+    width, low, high = _NEAR, near * (1 - _NEAR), near * (1 + _NEAR)
     while solve_riccati_pair(plant, high, quick=True) is None:
         low, width = high, 4 * width
         high *= 1 + width
-        if width > FAR:
+        if width > _FAR:
             return np.inf
     while low > 0 and solve_riccati_pair(plant, low, quick=True) is not None:
         high, width = low, 4 * width
         low = max(low * (1 - width), 0.0)
-    while high - low > LEVEL_TOLERANCE * high:
+    while high - low > _LEVEL_TOLERANCE * high:
         middle = (low + high) / 2
         low, high = (middle, high) if solve_riccati_pair(plant, middle, quick=True) is None else (low, middle)
     return high
 
 
-def updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
+def _updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Return the inverse Hessian of BFGS after a step and the change of the gradient, where that is of use."""
     along = float(moved @ change)
     if not along > 1e-10 * np.linalg.norm(moved) * np.linalg.norm(change):
@@ -102,7 +102,7 @@ def updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) 
     return np.asarray(left @ inverse @ left.T + np.outer(moved, moved) / along)
 
 
-def equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
+def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
     """Return which blocks have the same scaling, as fits of the same data nearly have; without the last."""
     dt = timebase(scaling[0])
     x = 1j * np.geomspace(1e-6, 1e6, 200)
@@ -110,7 +110,7 @@ def equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
     sizes = [np.log(np.abs([one(point) for point in points])).ravel() for one in scaling[:-1]]
     groups: list[list[int]] = []
     for k, size in enumerate(sizes):
-        same = [group for group in groups if np.abs(sizes[group[0]] - size).max() < EQUAL]
+        same = [group for group in groups if np.abs(sizes[group[0]] - size).max() < _EQUAL]
         if same:
             same[0].append(k)
         else:

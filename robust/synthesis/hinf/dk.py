@@ -40,14 +40,14 @@ from robust.synthesis.hinf.mixsyn import weight_on_time_base
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-FIT_TOLERANCE = 1.01  # gain with fitted scalings over that with the wanted ones that is good enough for a lower order
-CHANGE_OUTSIDE = 0.01  # of the change of the scalings, what lies outside of the band where they are fitted
-N_FITTED = 150
-SYNTHESIS_FACTOR = 1.001  # of the least norm: ten times as much is seen in mu
-LEAST_PROGRESS = 1e-3  # fall of mu below which a round does not count
-PATIENCE = 1  # such rounds in a row that are borne: fits are not always as good
-SLOW_PROGRESS = 0.01  # fall of mu below which the scalings are moved along the gradient instead
-STRETCH, LONGEST_STRETCH = 2.0, 8.0  # how much farther the scalings are moved after a round that was better
+_FIT_TOLERANCE = 1.01  # gain with fitted scalings over that with the wanted ones that is good enough for a lower order
+_CHANGE_OUTSIDE = 0.01  # of the change of the scalings, what lies outside of the band where they are fitted
+_N_FITTED = 150
+_SYNTHESIS_FACTOR = 1.001  # of the least norm: ten times as much is seen in mu
+_LEAST_PROGRESS = 1e-3  # fall of mu below which a round does not count
+_PATIENCE = 1  # such rounds in a row that are borne: fits are not always as good
+_SLOW_PROGRESS = 0.01  # fall of mu below which the scalings are moved along the gradient instead
+_STRETCH, _LONGEST_STRETCH = 2.0, 8.0  # how much farther the scalings are moved after a round that was better
 
 
 @value
@@ -196,33 +196,33 @@ def dk_iteration(
     1.18 to 1.02 and lower; 0.974 is the least known) it makes 1.18, 1.035, 1.027, 1.016, 0.989 and 0.980 in eleven.
     """
     if has_several_channels(P):
-        P, blocks, n_y, n_u = performance_plant(P, w_P, w_u=w_u, blocks=blocks)
+        P, blocks, n_y, n_u = _performance_plant(P, w_P, w_u=w_u, blocks=blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError(
             "w_P and w_u must be left out but for an UncertaintyModel of several channels: of a system they are part "
             "of P"
         )
     elif isinstance(P, UncertainSystem):
-        P, blocks = open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
+        P, blocks = _open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
     P = multivariable("P", P)
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
     blocks = () if blocks is None else blocks
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
-    best, reason = empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
+    best, reason = _empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
     history: list[tuple[float, float, int]] = []
     idle = 0
-    of_best = Attempt(design=best, gamma=0.0, scaling=[identity_scaling(timebase(P))] * len(s.kinds))
+    of_best = _Attempt(design=best, gamma=0.0, scaling=[_identity_scaling(timebase(P))] * len(s.kinds))
     last, moves = of_best, None
     for _ in range(n_rounds):
         try:
             if moves is None:
-                tried, failed = alternate(
+                tried, failed = _alternate(
                     P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
                 )
             else:
-                tried, failed = move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+                tried, failed = _move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
         except (ValueError, np.linalg.LinAlgError) as error:
             if not history:
                 raise
@@ -235,17 +235,17 @@ def dk_iteration(
         fall = best.mu - last.design.mu
         if last.design.mu < best.mu:
             best, of_best = last.design, last
-        idle = 0 if fall > LEAST_PROGRESS else idle + 1
+        idle = 0 if fall > _LEAST_PROGRESS else idle + 1
         if best.mu <= mu_min:
             reason = f"mu reached {mu_min:g}"
             break
-        if moves is None and fall < SLOW_PROGRESS:
-            moves, idle = start_descent(P, of_best, s=s, sizes=(n_y, n_u)), 0
-        if idle > PATIENCE:
+        if moves is None and fall < _SLOW_PROGRESS:
+            moves, idle = _start_descent(P, of_best, s=s, sizes=(n_y, n_u)), 0
+        if idle > _PATIENCE:
             reason = "mu did not fall any more"
             break
     if most_states is not None and best.K.nstates > require_integer("most_states", most_states, least=0):
-        best = reduce_by_mu(P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        best = _reduce_by_mu(P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
         reason += f"; reduced from order {of_best.design.K.nstates}" if np.isfinite(best.mu) else "; not reduced"
     CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
     certificate = None if CL is None else certify(CL, blocks, 1.01 * best.mu)
@@ -253,7 +253,7 @@ def dk_iteration(
 
 
 @value(copy=False)
-class Attempt:
+class _Attempt:
     """A loop, the norm of its synthesis, and the scalings that it was made with: their order, how far they moved."""
 
     design: DkDesign
@@ -263,9 +263,9 @@ class Attempt:
     share: float = 1.0
 
 
-def alternate(
+def _alternate(
     P: control.StateSpace,
-    last: Attempt,
+    last: _Attempt,
     *,
     s: BlockStructure,
     sizes: tuple[int, int],
@@ -273,25 +273,25 @@ def alternate(
     blocks: Blocks,
     omega: ArrayLike | None,
     best: float,
-) -> tuple[list[Attempt], str]:
+) -> tuple[list[_Attempt], str]:
     """Return the loops with scalings that the last one wants, the first time without any; or why there is none."""
     is_first, failed = not np.isfinite(last.design.mu), ""
-    tried: list[Attempt] = []
-    stretch = 1.0 if not last.order else min(STRETCH * last.share, LONGEST_STRETCH)
-    for share, highest in scaling_attempts(is_first, stretch, order):
+    tried: list[_Attempt] = []
+    stretch = 1.0 if not last.order else min(_STRETCH * last.share, _LONGEST_STRETCH)
+    for share, highest in _scaling_attempts(is_first, stretch, order):
         if any(each.design.mu < best for each in tried) and share < 1:
             break
         wanted, used = (
             (last.scaling, 0)
             if is_first
-            else fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
+            else _fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
         )
-        found, failed = attempt(P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share)
+        found, failed = _attempt(P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share)
         tried += found
     return tried, failed
 
 
-def attempt(
+def _attempt(
     P: control.StateSpace,
     scaling: list[Scaling],
     *,
@@ -301,33 +301,33 @@ def attempt(
     omega: ArrayLike | None,
     order: int,
     share: float = 1.0,
-) -> tuple[list[Attempt], str]:
+) -> tuple[list[_Attempt], str]:
     """Return the loop with the controller of the scaled plant, or why there is none."""
-    found = synthesise(scaled_plant(P, scaling, s, sizes), *sizes, factor=SYNTHESIS_FACTOR)
+    found = synthesise(_scaled_plant(P, scaling, s, sizes), *sizes, factor=_SYNTHESIS_FACTOR)
     if not found.found:
         return [], f"synthesis found nothing: {found.reason}"
     plain = decide_stability(lower_lft(P, found.K))
     if not plain.stable:
         return [], f"the loop without its scalings is {plain}"
-    judged = judge_by_mu(P, found.K, blocks=blocks, omega=omega)
-    return [Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)], ""
+    judged = _judge_by_mu(P, found.K, blocks=blocks, omega=omega)
+    return [_Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)], ""
 
 
-def start_descent(
-    P: control.StateSpace, best: Attempt, *, s: BlockStructure, sizes: tuple[int, int]
+def _start_descent(
+    P: control.StateSpace, best: _Attempt, *, s: BlockStructure, sizes: tuple[int, int]
 ) -> Iterator[list[control.StateSpace]]:
     """Return the scalings that follow from those of the best loop along the gradient of the least norm."""
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
-        found = least_level(scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes), *sizes, near[0])
+        found = least_level(_scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes), *sizes, near[0])
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
     return descend(least_norm, [d for d, _ in best.scaling])
 
 
-def move_scalings(
+def _move_scalings(
     P: control.StateSpace,
     moves: Iterator[list[control.StateSpace]],
     *,
@@ -335,19 +335,19 @@ def move_scalings(
     sizes: tuple[int, int],
     blocks: Blocks,
     omega: ArrayLike | None,
-) -> tuple[list[Attempt], str]:
+) -> tuple[list[_Attempt], str]:
     """Return the loop with the scalings of the next step, or why there is none."""
     functions = next(moves, None)
     if functions is None:
         return [], "mu did not fall any more"
     scaling: list[Scaling] = [(d, biproper_inverse(d)) for d in functions]
     order = max(d.nstates for d in functions)
-    return attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
+    return _attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
 
 
-def reduce_by_mu(
+def _reduce_by_mu(
     P: control.StateSpace,
-    best: Attempt,
+    best: _Attempt,
     n: int,
     *,
     s: BlockStructure,
@@ -356,7 +356,7 @@ def reduce_by_mu(
     omega: ArrayLike | None,
 ) -> DkDesign:
     """Return the loop of least mu with a controller of n states, truncated by what the scaled loop sees of it."""
-    K, (n_y, n_u), scaled = best.design.K, sizes, scaled_plant(P, best.scaling, s, sizes)
+    K, (n_y, n_u), scaled = best.design.K, sizes, _scaled_plant(P, best.scaling, s, sizes)
     n_w, n_z = scaled.ninputs - n_u, scaled.noutputs - n_y
     ports = (
         [*range(scaled.ninputs), *range(n_w, scaled.ninputs)],
@@ -367,18 +367,18 @@ def reduce_by_mu(
     )
     A, B, C, D = continuous_image(lower_lft(twice, K))  # from w and what is added to u, to z and y
     before, behind = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w]), (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
-    found = empty_design(P, n_y, n_u)
+    found = _empty_design(P, n_y, n_u)
     for _, order, small in weighted_candidates(continuous_image(K), before, behind):
         if order != n:
             continue
         one = control.StateSpace(*(to_discrete(*small) if timebase(P) else small), P.dt)
         if decide_stability(lower_lft(P, one)).stable:
-            judged = judge_by_mu(P, one, blocks=blocks, omega=omega)
+            judged = _judge_by_mu(P, one, blocks=blocks, omega=omega)
             found = judged if judged.mu < found.mu else found
     return found
 
 
-def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:
+def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:
     """How far the scalings are moved, and the largest order of their fits; below one where nothing else was better."""
     if is_first:
         return [(1.0, 0)]
@@ -386,7 +386,7 @@ def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[f
     return [*whole, (0.5, order), (0.5, order // 2)]
 
 
-def performance_plant(
+def _performance_plant(
     model: UncertaintyModel, w_P: Weight | None, *, w_u: Weight | None, blocks: Blocks | None
 ) -> tuple[control.StateSpace, Blocks, int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
@@ -400,7 +400,7 @@ def performance_plant(
     return P, [*model.structure, of_performance], n_y, n_u
 
 
-def open_interconnection(
+def _open_interconnection(
     system: UncertainSystem, blocks: Blocks | None, *, n_y: int, n_u: int
 ) -> tuple[control.StateSpace, Blocks]:
     """Return P and blocks of an interconnection whose last inputs and outputs are those of the controller."""
@@ -416,7 +416,7 @@ def open_interconnection(
     return system.N, [*system.structure, *[performance] * (performance != (0, 0))]
 
 
-def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
+def _empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
     """Return what there is before the first round."""
     return DkDesign(
         K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
@@ -429,7 +429,7 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
     )
 
 
-def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
+def _judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
     """Return the loop with a controller, by the upper bound of mu with the structure as it is."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
@@ -437,13 +437,13 @@ def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks,
     return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
 
 
-def identity_scaling(dt: float) -> Scaling:
+def _identity_scaling(dt: float) -> Scaling:
     """Return the scaling to begin with."""
     one = control.StateSpace([], [], [], [[1.0]], dt)
     return one, one
 
 
-def scaled_plant(
+def _scaled_plant(
     P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int]
 ) -> control.StateSpace:
     """D_L P D_R^-1 from one function per block with its inverse, y and u as they are."""
@@ -454,7 +454,7 @@ def scaled_plant(
     return block_diagonal([*left, passed[0]], dt) * P * block_diagonal([*right, passed[1]], dt)
 
 
-def fit_scalings(
+def _fit_scalings(
     found: DkDesign, P: control.StateSpace, *, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
 ) -> tuple[list[Scaling], int]:
     """Functions for the scalings that a loop wants, the last block unscaled, and their order: the lowest that does.
@@ -468,38 +468,38 @@ def fit_scalings(
     own = upper(response_, full).scaling
     assert own is not None
     d = np.array([np.abs(own[0][row.start, row.start]) for row in s.rows])
-    before = scaling_sizes(scaling, omega)
+    before = _scaling_sizes(scaling, omega)
     d = before * (d / d[-1] / before) ** stretch
-    goal = scaled_gains(response_, d, s)
-    at, wanted = resample_scalings(omega, d)
+    goal = _scaled_gains(response_, d, s)
+    at, wanted = _resample_scalings(omega, d)
     best: tuple[float, list[Scaling], int] = (np.inf, [], 0)
     for k in range(min(order, 12) + 1):
-        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [identity_scaling(dt)]
-        misfit = float(np.linalg.norm(np.log(scaling_sizes(fits, at) / wanted)))
+        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [_identity_scaling(dt)]
+        misfit = float(np.linalg.norm(np.log(_scaling_sizes(fits, at) / wanted)))
         if misfit < best[0]:  # a fit of higher order may have ended in a worse local optimum
             best = misfit, fits, k
-        if (scaled_gains(response_, scaling_sizes(fits, omega), s) <= FIT_TOLERANCE * goal).all():
+        if (_scaled_gains(response_, _scaling_sizes(fits, omega), s) <= _FIT_TOLERANCE * goal).all():
             break
     return best[1], best[2]
 
 
-def resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and scalings (blocks, W) to fit, in even steps where they change and a decade to either side."""
     change = np.append(0.0, np.cumsum(np.abs(np.diff(np.log(d), axis=1)).sum(axis=0)))
     if not change[-1] > 0:
         return omega, d
-    low, high = np.interp(np.array([CHANGE_OUTSIDE, 1 - CHANGE_OUTSIDE]) * change[-1], change, np.log(omega))
+    low, high = np.interp(np.array([_CHANGE_OUTSIDE, 1 - _CHANGE_OUTSIDE]) * change[-1], change, np.log(omega))
     low, high = max(low - np.log(10), np.log(omega[0])), min(high + np.log(10), np.log(omega[-1]))
-    at = np.linspace(low, high, N_FITTED)
+    at = np.linspace(low, high, _N_FITTED)
     return np.exp(at), np.exp([np.interp(at, np.log(omega), np.log(each)) for each in d])
 
 
-def scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
+def _scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
     """Return (blocks, W) moduli of one function per block."""
     return np.array([np.abs(response(d, omega)) for d, _ in scaling])
 
 
-def scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:
+def _scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:
     """Return (W,) largest singular value with one number per block and frequency as scalings."""
     left, right = (np.repeat(d, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
     scaled = left[:, None] * response_ / right[None]

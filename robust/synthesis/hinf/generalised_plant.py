@@ -16,7 +16,7 @@ from robust.lti.norms import EPS, from_half_plane, modal_coordinates, to_continu
 from robust.lti.stability import eigenvalues_with_rounding
 
 #: Of the largest singular value: below it a direction of the channels has no effect of its own.
-RANK_TOLERANCE = 1e-10
+_RANK_TOLERANCE = 1e-10
 
 
 @value
@@ -75,13 +75,13 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
     first = np.zeros((n_u, n_y))
     if dt:
         if A.size and np.linalg.cond(A + np.eye(A.shape[0])) > 1e8:
-            first = shift_from_minus_one(A, B[:, w:], C[z:])
+            first = _shift_from_minus_one(A, B[:, w:], C[z:])
             left, right = np.vstack([B[:, w:] @ first, D[:z, w:] @ first]), np.hstack([C[z:], D[z:, :w]])
             change, n = left @ right, A.shape[0]
             A, B[:, :w] = A + change[:n, :n], B[:, :w] + change[:n, n:]
             C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
         A, B, C, D = to_continuous(A, B, C, D)
-    A, B, C, speed = scale_plant(A, B, C)
+    A, B, C, speed = _scale_plant(A, B, C)
     return compress_channels(
         Plant(
             A=A,
@@ -108,24 +108,24 @@ def compress_channels(plant: Plant) -> Plant:
 
     Two equal actuators become one, a measurement of nothing is left out.
     """
-    into_u = independent_directions(np.vstack([plant.B2, plant.D12]))
-    out_of_y = independent_directions(np.hstack([plant.C2, plant.D21]).T).T
+    into_u = _independent_directions(np.vstack([plant.B2, plant.D12]))
+    out_of_y = _independent_directions(np.hstack([plant.C2, plant.D21]).T).T
     return replace(
         plant, B2=plant.B2 @ into_u, D12=plant.D12 @ into_u, C2=out_of_y @ plant.C2, D21=out_of_y @ plant.D21,
         into_u=plant.into_u @ into_u, out_of_y=out_of_y @ plant.out_of_y,
     )  # fmt: skip
 
 
-def independent_directions(effects: np.ndarray) -> np.ndarray:
+def _independent_directions(effects: np.ndarray) -> np.ndarray:
     """Return combinations (n, r) of n channels that span all r independent effects, in the unit of each channel."""
     sizes = np.linalg.norm(effects, axis=0)
     units = 1 / np.where(sizes > 0, sizes, 1.0)
     _, values, V = np.linalg.svd(effects * units)
-    rank = int(np.count_nonzero(values > RANK_TOLERANCE * values.max(initial=0.0)))
+    rank = int(np.count_nonzero(values > _RANK_TOLERANCE * values.max(initial=0.0)))
     return np.eye(rank) if rank == len(V) else units[:, None] * V[:rank].T
 
 
-def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
+def _shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
     """Return a feedback u = F y that moves poles away from z = -1, which the bilinear map sends to infinity."""
     rng = np.random.default_rng(0)
     size = 0.3 / max(float(np.linalg.norm(B2)) * float(np.linalg.norm(C2)), 1e-300)
@@ -133,7 +133,7 @@ def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.nd
     return min(tries, key=lambda F: np.linalg.cond(A + B2 @ F @ C2 + np.eye(A.shape[0])).item())
 
 
-def scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Time in the geometric mean of the poles; states so that rows of [A B] and columns of [A; C] have like sizes."""
     if not A.size:
         return A, B, C, 1.0
@@ -169,7 +169,7 @@ def hidden_mode(plant: Plant) -> str:
             (np.hstack([away, plant.B2]), "u does not reach"),
             (np.vstack([away, plant.C2]), "y misses"),
         ):
-            if rank_margin(matrix) < RANK_TOLERANCE:
+            if rank_margin(matrix) < _RANK_TOLERANCE:
                 s = mode * plant.speed
                 where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
                 return f"{description} the mode at {where}"
@@ -239,11 +239,11 @@ def regularise_plant(plant: Plant, size: float) -> Plant:
     n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
     reaches, sees = has_full_ranks(plant)
     if not reaches:
-        u_size = size * typical_gain(plant.A, plant.B2, C=plant.C1, D=plant.D12)
+        u_size = size * _typical_gain(plant.A, plant.B2, C=plant.C1, D=plant.D12)
         C1, D12 = np.vstack([plant.C1, np.zeros((n_u, n))]), np.vstack([plant.D12, u_size * np.eye(n_u)])
         plant = replace(plant, added=True, C1=C1, D12=D12, D11=np.vstack([plant.D11, np.zeros((n_u, n_w))]))
     if not sees:
-        y_size = size * typical_gain(plant.A, plant.B1, C=plant.C2, D=plant.D21)
+        y_size = size * _typical_gain(plant.A, plant.B1, C=plant.C2, D=plant.D21)
         B1, D21 = np.hstack([plant.B1, np.zeros((n, n_y))]), np.hstack([plant.D21, y_size * np.eye(n_y)])
         plant = replace(
             plant, added=True, B1=B1, D21=D21, D11=np.hstack([plant.D11, np.zeros((plant.D11.shape[0], n_y))])
@@ -253,16 +253,16 @@ def regularise_plant(plant: Plant, size: float) -> Plant:
 
 def has_full_ranks(plant: Plant) -> tuple[bool, bool]:
     """Return whether D12 and D21 have full rank: u shows in z, w in y."""
-    return has_full_rank(plant.D12), has_full_rank(plant.D21.T)
+    return _has_full_rank(plant.D12), _has_full_rank(plant.D21.T)
 
 
-def has_full_rank(D: np.ndarray) -> bool:
+def _has_full_rank(D: np.ndarray) -> bool:
     """Return whether there are columns, independent beyond rounding."""
     sizes = np.linalg.svd(D, compute_uv=False)
     return D.shape[0] >= D.shape[1] > 0 and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
 
-def typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
+def _typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
     """Median gain around the poles; of a path that nothing passes the size of its matrices, one where they are zero."""
     speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     speed = speed[speed > 1e-9]
@@ -289,9 +289,9 @@ def normalise_plant(plant: Plant) -> Plant | None:
     into_u, out_of_y = Vu.T / su, Uy.T / sy[:, None]
     return replace(
         plant,
-        B1=drop_rounding(plant.B1 @ W.T, 1),
+        B1=_drop_rounding(plant.B1 @ W.T, 1),
         B2=plant.B2 @ into_u,
-        C1=drop_rounding(Z.T @ plant.C1, 0),
+        C1=_drop_rounding(Z.T @ plant.C1, 0),
         C2=out_of_y @ plant.C2,
         D11=Z.T @ plant.D11 @ W.T,
         D12=np.eye(n_z, n_u, k=-(n_z - n_u)),
@@ -301,7 +301,7 @@ def normalise_plant(plant: Plant) -> Plant | None:
     )
 
 
-def drop_rounding(rotated: np.ndarray, axis: int) -> np.ndarray:
+def _drop_rounding(rotated: np.ndarray, axis: int) -> np.ndarray:
     """Return what was rotated with zeros where only rounding is left: solvers of Riccati equations balance by it."""
     sizes = np.linalg.norm(rotated, axis=axis, keepdims=True)
     return np.where(np.abs(rotated) < 4 * EPS * sizes, 0.0, rotated)
@@ -312,17 +312,17 @@ def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
     A, B, C, D = K
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
     if plant.region:
-        A, B, C, D = to_modal_form(
-            *from_half_plane(restore_feedthrough(plant.D22_region, A, B=B, C=C, D=D), *plant.region)
+        A, B, C, D = _to_modal_form(
+            *from_half_plane(_restore_feedthrough(plant.D22_region, A, B=B, C=C, D=D), *plant.region)
         )
     A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
-    A, B, C, D = restore_feedthrough(plant.D22_image, A, B=B, C=C, D=D)
+    A, B, C, D = _restore_feedthrough(plant.D22_image, A, B=B, C=C, D=D)
     if plant.dt:
         A, B, C, D = to_discrete(A, B, C, D)
-    return control.StateSpace(*restore_feedthrough(plant.D22, A, B=B, C=C, D=D + plant.first), plant.dt)
+    return control.StateSpace(*_restore_feedthrough(plant.D22, A, B=B, C=C, D=D + plant.first), plant.dt)
 
 
-def to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+def _to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
     """In modal coordinates where it has them: near the least level modes lie decades apart and hide one another."""
     if not A.size:
         return A, B, C, D
@@ -334,7 +334,7 @@ def to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) ->
     return forth @ A @ back, forth @ B, C @ back, D
 
 
-def restore_feedthrough(D22: np.ndarray, A: np.ndarray, *, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+def _restore_feedthrough(D22: np.ndarray, A: np.ndarray, *, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
     """u = K (y - D22 u) solved for u."""
     if not D22.any():
         return A, B, C, D

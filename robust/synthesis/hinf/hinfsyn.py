@@ -41,14 +41,14 @@ from robust.synthesis.hinf.generalised_plant import (
 # ---- The two Riccati equations of H-infinity control at one level gamma: whether they hold, and the central
 # controller.
 
-LARGEST_GAMMA = 1e10
-MAX_CHANGE_OF_A = (
+_LARGEST_GAMMA = 1e10
+_MAX_CHANGE_OF_A = (
     100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
 )
 
 
 @value(copy=False)
-class Solution:
+class _Solution:
     """X and Y of a level, with the gains F (of all inputs) and H (of all outputs) that go with them."""
 
     gamma: float
@@ -58,20 +58,20 @@ class Solution:
     H: np.ndarray
 
 
-def direct_term_bound(plant: Plant) -> float:
+def _direct_term_bound(plant: Plant) -> float:
     """Return what the direct term alone leaves: no controller gets below it."""
-    return max(uncontrolled_direct_term(plant), uncontrolled_direct_term(dual_plant(plant)))
+    return max(_uncontrolled_direct_term(plant), _uncontrolled_direct_term(dual_plant(plant)))
 
 
-def uncontrolled_direct_term(plant: Plant) -> float:
+def _uncontrolled_direct_term(plant: Plant) -> float:
     """Return the part of the direct term in outputs that u does not reach."""
     upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
     return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
 
 
-def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | None:
+def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> _Solution | None:
     """X and Y where the level can be reached: both stabilising, semidefinite, with spectral radius under gamma^2."""
-    if gamma <= direct_term_bound(plant) * (1 + 1e-9):
+    if gamma <= _direct_term_bound(plant) * (1 + 1e-9):
         return None
     control = control_riccati(plant, gamma, quick=quick)
     if control is None:
@@ -79,7 +79,7 @@ def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> So
     filtering = control_riccati(dual_plant(plant), gamma, quick=quick)
     if filtering is None or np.max(np.linalg.eigvals(control[0] @ filtering[0]).real, initial=0.0) >= gamma**2:
         return None
-    return Solution(gamma=gamma, X=control[0], Y=filtering[0], F=control[1], H=filtering[1].T)
+    return _Solution(gamma=gamma, X=control[0], Y=filtering[0], F=control[1], H=filtering[1].T)
 
 
 def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
@@ -89,13 +89,13 @@ def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple
     lower bound. The outputs that u reaches are taken as the control in its place where that changes little: cross terms
     that would cancel in rounding are then never made, and where y tells all of w, Y is zero to the last bit.
     """
-    if gamma <= uncontrolled_direct_term(plant) * (1 + 1e-9):
+    if gamma <= _uncontrolled_direct_term(plant) * (1 + 1e-9):
         return None
     n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
     free = plant.C1.shape[0] - n_u
     A, B1, C1, D11 = plant.A, plant.B1, plant.C1, plant.D11
     C_u, D_u = C1[free:], D11[free:]
-    instead = bool(np.linalg.norm(plant.B2 @ C_u) < MAX_CHANGE_OF_A * np.linalg.norm(A))
+    instead = bool(np.linalg.norm(plant.B2 @ C_u) < _MAX_CHANGE_OF_A * np.linalg.norm(A))
     if instead:
         A, B1 = A - plant.B2 @ C_u, B1 - plant.B2 @ D_u
         C1, D11 = (np.vstack([rows[:free], np.zeros_like(rows[free:])]) for rows in (C1, D11))
@@ -110,7 +110,7 @@ def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple
     return X, F
 
 
-def central_controller(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:
+def _central_controller(plant: Plant, at: _Solution, *, rolled_off: bool = False) -> Matrices:
     """The central controller of a level, or the one of least direct term (Zhou, Doyle & Glover 1996, Theorem 17.1).
 
     All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a problem of one block
@@ -140,7 +140,7 @@ def central_controller(plant: Plant, at: Solution, *, rolled_off: bool = False) 
     return A_K, B_K, C_K, D_hat
 
 
-def bisect_level(
+def _bisect_level(
     holds: Callable[[float], object],
     ends: tuple[float, float],
     *,
@@ -152,7 +152,7 @@ def bisect_level(
     low, high = ends
     n_tried, gamma = 0, max(1.0, 2 * low) if np.isinf(high) else high / 2
     while n_tried < n_steps:
-        if high <= max(low, enough) * (1 + tolerance) or low > LARGEST_GAMMA or high < 1e-9:
+        if high <= max(low, enough) * (1 + tolerance) or low > _LARGEST_GAMMA or high < 1e-9:
             break
         if np.isfinite(high):
             floor = max(low, enough)
@@ -181,28 +181,28 @@ def bisect_level(
 # second, which asks for more again.
 
 #: Decades between the circles and the slowest pole, and the fastest.
-CIRCLE_RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
-AXIS_RUNG = (4, 0)  # the last resort: the axis is kept, the plant is regularised by 1e-4 where rank is lacking
-REGULARISATIONS = (
+_CIRCLE_RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
+_AXIS_RUNG = (4, 0)  # the last resort: the axis is kept, the plant is regularised by 1e-4 where rank is lacking
+_REGULARISATIONS = (
     1e-2,
     1e-6,
 )  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
-KERNEL_TOLERANCE = 1e-13  # rounding, of rows of length one; of gamma a lower bound that is zero
-ON_AXIS = 1e-9  # of the scaled plant, whose poles have a geometric mean of one: from a pole to its frequency
-ANY_POINT = 1.2345  # in scaled time: no zero of a plant lies there but by chance
-BEYOND_POLES = 1.5  # no pole lies where a circle crosses
-COARSE_RUNGS = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
-FAR_FROM_BOUND = 1.1
-NEAR_ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
-MAX_CONDITIONS = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
-TOLERANCE = 1e-3  # to which the levels of a rung are found
-ROUNDING_FACTOR = 1.003  # a bound may contradict a controller by this before rounding is blamed
-CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
+_KERNEL_TOLERANCE = 1e-13  # rounding, of rows of length one; of gamma a lower bound that is zero
+_ON_AXIS = 1e-9  # of the scaled plant, whose poles have a geometric mean of one: from a pole to its frequency
+_ANY_POINT = 1.2345  # in scaled time: no zero of a plant lies there but by chance
+_BEYOND_POLES = 1.5  # no pole lies where a circle crosses
+_COARSE_RUNGS = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
+_FAR_FROM_BOUND = 1.1
+_NEAR_ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
+_MAX_CONDITIONS = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
+_TOLERANCE = 1e-3  # to which the levels of a rung are found
+_ROUNDING_FACTOR = 1.003  # a bound may contradict a controller by this before rounding is blamed
+_CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
 #: Above the least level, close together at first: rounding leaves a loop unstable at one and stable at the next.
-SINGULAR_STEPS_UP = (1.0, 1.003, 1.006, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0, 20.0)
+_SINGULAR_STEPS_UP = (1.0, 1.003, 1.006, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0, 20.0)
 
 
-def synthesise_between_circles(
+def _synthesise_between_circles(
     P: control.StateSpace, plant: Plant, nothing: Synthesis, *, wanted: tuple[float, float], n_steps: int
 ) -> Synthesis:
     """The best controller by circles that close in on the axis, until it is near enough to the lower bound.
@@ -210,38 +210,38 @@ def synthesise_between_circles(
     The first one is K = 0, where that is stable. Until then gamma_min is the least level of the last problem tried.
     """
     enough, factor = wanted
-    step, low = max(1.001, factor**0.5), unchangeable_gain(plant, usual_points(plant))
-    found = replace(nothing, level=LARGEST_GAMMA, gamma_min=low, n_steps=0)
-    found = keep_if_better(plant, close_stable_loop(P, nothing.K), found=found)
-    for rung in (*CIRCLE_RUNGS, AXIS_RUNG) if plant.B2.shape[1] and plant.C2.shape[0] else ():
-        is_near = found.found and found.gamma <= max(NEAR_ENOUGH * factor * found.gamma_min, enough)
+    step, low = max(1.001, factor**0.5), unchangeable_gain(plant, _usual_points(plant))
+    found = replace(nothing, level=_LARGEST_GAMMA, gamma_min=low, n_steps=0)
+    found = _keep_if_better(plant, _close_stable_loop(P, nothing.K), found=found)
+    for rung in (*_CIRCLE_RUNGS, _AXIS_RUNG) if plant.B2.shape[1] and plant.C2.shape[0] else ():
+        is_near = found.found and found.gamma <= max(_NEAR_ENOUGH * factor * found.gamma_min, enough)
         if is_near or found.n_steps >= n_steps:
             break
-        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.gamma_min:
+        if rung in _COARSE_RUNGS and found.gamma <= _FAR_FROM_BOUND * found.gamma_min:
             continue
-        for problem in regular_outside(plant, *rung):
-            found = try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
+        for problem in _regular_outside(plant, *rung):
+            found = _try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
         if found.found:
-            found = raise_lower_bound(P, plant, rung=rung, found=found, n_steps=n_steps)
+            found = _raise_lower_bound(P, plant, rung=rung, found=found, n_steps=n_steps)
     return found
 
 
-def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
+def _circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
     """Return where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
     slow = float(min(speeds.min(initial=1.0), 1.0))
     fast = max(1.0, float(np.linalg.norm(plant.A, 2))) if plant.A.size else 1.0
-    return slow * 10.0**-below, BEYOND_POLES * fast * 10.0**above
+    return slow * 10.0**-below, _BEYOND_POLES * fast * 10.0**above
 
 
-def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
+def _regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     """Return what is asked for outside of a disc in the left half plane, made regular, the hardest first."""
-    a, b = circle_ends(plant, below, above)
-    problem = plant if (below, above) == AXIS_RUNG else map_region(plant, -a, -b)
+    a, b = _circle_ends(plant, below, above)
+    problem = plant if (below, above) == _AXIS_RUNG else map_region(plant, -a, -b)
     if hidden_mode(problem):
         return []
-    lacking = (REGULARISATIONS[0] * 10.0**-below, REGULARISATIONS[1]) if problem.region else (10.0**-below,)
+    lacking = (_REGULARISATIONS[0] * 10.0**-below, _REGULARISATIONS[1]) if problem.region else (10.0**-below,)
     sizes = (0.0,) if all(has_full_ranks(problem)) else lacking
     regular = [normalise_plant(regularise_plant(problem, size)) for size in sizes]
     return [
@@ -251,47 +251,47 @@ def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     ]
 
 
-def raise_lower_bound(
+def _raise_lower_bound(
     P: control.StateSpace, plant: Plant, *, rung: tuple[int, int], found: Synthesis, n_steps: int
 ) -> Synthesis:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
-    problem = map_region(plant, *circle_ends(plant, *rung))
+    problem = map_region(plant, *_circle_ends(plant, *rung))
     # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
     spread = [
         float(np.linalg.cond(D)) if full else np.inf
         for full, D in zip(has_full_ranks(problem), (problem.D12, problem.D21), strict=True)
     ]
-    both = max(spread) < MAX_CONDITIONS[0]
+    both = max(spread) < _MAX_CONDITIONS[0]
     # where rank is lacking on one side everywhere, what the other side alone leaves
     known = [
-        full_information_plant(side)
+        _full_information_plant(side)
         for side, size in zip((problem, dual_plant(problem)), spread, strict=True)
-        if size < MAX_CONDITIONS[1]
+        if size < _MAX_CONDITIONS[1]
     ]
     sides, test = ([problem], partial(solve_riccati_pair, quick=True)) if both else (known, control_riccati)
     for side in sides:
-        regular, reached = normalise_plant(side), found.gamma * ROUNDING_FACTOR
+        regular, reached = normalise_plant(side), found.gamma * _ROUNDING_FACTOR
         # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
         if regular is None or reached <= found.gamma_min or not test(regular, reached):
             continue
         ends = found.gamma_min, reached
         left = n_steps - found.n_steps
-        low, _, n_tried = bisect_level(partial(test, regular), ends, tolerance=TOLERANCE, n_steps=left)
-        if low > found.gamma_min and not any(test(regular, share * low) for share in CHECKED_SHARES):
-            fails = partial(fails_in_digits, P, plant, circle=problem.region)
-            confirmed = (share * low for share in (1.0, *CHECKED_SHARES) if fails(share * low) is not False)
+        low, _, n_tried = _bisect_level(partial(test, regular), ends, tolerance=_TOLERANCE, n_steps=left)
+        if low > found.gamma_min and not any(test(regular, share * low) for share in _CHECKED_SHARES):
+            fails = partial(_fails_in_digits, P, plant, circle=problem.region)
+            confirmed = (share * low for share in (1.0, *_CHECKED_SHARES) if fails(share * low) is not False)
             found = replace(found, gamma_min=max(found.gamma_min, next(confirmed, 0.0)))
-        found = replace(found, n_steps=found.n_steps + n_tried + 1 + len(CHECKED_SHARES))
+        found = replace(found, n_steps=found.n_steps + n_tried + 1 + len(_CHECKED_SHARES))
     return found
 
 
-def full_information_plant(plant: Plant) -> Plant:
+def _full_information_plant(plant: Plant) -> Plant:
     """Return the plant with w measured, as it has to be put to normalise D12 alone."""
     n_w = plant.B1.shape[1]
     return replace(plant, C2=np.zeros((n_w, plant.A.shape[0])), D21=np.eye(n_w), out_of_y=np.eye(n_w))
 
 
-def try_levels(
+def _try_levels(
     P: control.StateSpace, plant: Plant, *, problem: Plant, found: Synthesis, step: float, n_steps: int
 ) -> Synthesis:
     """With the controllers a little above the least level of a problem, and what was found before.
@@ -300,8 +300,8 @@ def try_levels(
     itself keeps one.
     """
     test = partial(solve_riccati_pair, problem, quick=not problem.added)
-    ends = max(direct_term_bound(problem), found.gamma_min), found.level if test(found.level) else np.inf
-    _, level, n_tried = bisect_level(test, ends, tolerance=TOLERANCE, n_steps=n_steps - found.n_steps)
+    ends = max(_direct_term_bound(problem), found.gamma_min), found.level if test(found.level) else np.inf
+    _, level, n_tried = _bisect_level(test, ends, tolerance=_TOLERANCE, n_steps=n_steps - found.n_steps)
     found = replace(found, n_steps=found.n_steps + n_tried + 1)
     if not np.isfinite(level):
         return found
@@ -310,16 +310,16 @@ def try_levels(
     def is_kept(gamma: float) -> bool:
         nonlocal found
         nobody = replace(found, gamma=np.inf, n_steps=found.n_steps + 1)
-        reached = keep_if_better(plant, controlled_loop(P, problem, gamma), found=nobody)
+        reached = _keep_if_better(plant, _controlled_loop(P, problem, gamma), found=nobody)
         better = reached if reached.gamma < found.gamma else found
         found = replace(better, gamma_min=reached.gamma_min, n_steps=reached.n_steps)
         return reached.gamma <= gamma * 1.001
 
-    any(is_kept(gamma) for gamma in level * step * np.array(SINGULAR_STEPS_UP)[: max(0, n_steps - found.n_steps)])
+    any(is_kept(gamma) for gamma in level * step * np.array(_SINGULAR_STEPS_UP)[: max(0, n_steps - found.n_steps)])
     return found
 
 
-def controlled_loop(
+def _controlled_loop(
     P: control.StateSpace, problem: Plant, gamma: float
 ) -> tuple[control.StateSpace, control.StateSpace] | None:
     """Return the controller of a level of a regular problem and the loop of P with it; None if that is not stable."""
@@ -327,13 +327,13 @@ def controlled_loop(
     if solution is None:
         return None
     try:
-        matrices = central_controller(problem, solution, rolled_off=bool(problem.region))
-        return close_stable_loop(P, restore_controller(problem, matrices))
+        matrices = _central_controller(problem, solution, rolled_off=bool(problem.region))
+        return _close_stable_loop(P, restore_controller(problem, matrices))
     except (ValueError, np.linalg.LinAlgError):
         return None
 
 
-def close_stable_loop(
+def _close_stable_loop(
     P: control.StateSpace, K: control.StateSpace
 ) -> tuple[control.StateSpace, control.StateSpace] | None:
     """Return a controller and the loop of P with it; None where that is not stable."""
@@ -341,11 +341,11 @@ def close_stable_loop(
     return (K, closed) if decide_stability(closed).stable else None
 
 
-def keep_if_better(
+def _keep_if_better(
     plant: Plant, loop: tuple[control.StateSpace, control.StateSpace] | None, *, found: Synthesis
 ) -> Synthesis:
     """With a controller and its loop if it is better, by the norm that was asked, and the lower bound at its peak."""
-    achieved, peak = norm_as_given(loop[1]) if loop else (np.inf, np.nan)
+    achieved, peak = _norm_as_given(loop[1]) if loop else (np.inf, np.nan)
     if loop is None or achieved >= found.gamma:
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
@@ -353,7 +353,7 @@ def keep_if_better(
     return replace(found, K=loop[0], gamma=achieved, gamma_min=low)
 
 
-def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
+def _norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
     """Return the norm, at least what evaluation finds in the coordinates of the loop as they are, and its peak."""
     poles = to_s_plane(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
@@ -365,10 +365,10 @@ def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
     return max(found, (float(gains.max()), float(omega[gains[:, 0].argmax()]))) if omega.size else found
 
 
-def usual_points(plant: Plant) -> np.ndarray:
+def _usual_points(plant: Plant) -> np.ndarray:
     """Return frequencies of the scaled plant (W,): zero, infinity, those of its poles and some around."""
     poles = np.linalg.eigvals(plant.A) if plant.A.size else np.ones(1)
-    around = np.geomspace(*circle_ends(plant, 1, 1), 60)
+    around = np.geomspace(*_circle_ends(plant, 1, 1), 60)
     return np.unique(np.concatenate([[0.0, np.inf], around, np.abs(poles), np.abs(poles.imag)]))
 
 
@@ -385,18 +385,18 @@ def unchangeable_gain(plant: Plant, omega: np.ndarray) -> float:
 def unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
     """Return `unchangeable_gain` of disturbances that y does not show."""
     poles = np.linalg.eigvals(plant.A) if plant.A.size else np.zeros(0)
-    everywhere = unmeasured_space(plant, ANY_POINT, 0).shape[1]
+    everywhere = _unmeasured_space(plant, _ANY_POINT, 0).shape[1]
     gains = [0.0]
     for w in omega:
-        is_special = w in (0, np.inf) or np.any(np.abs(poles - 1j * w) < ON_AXIS)
-        kernel = unmeasured_space(plant, 1j * w if np.isfinite(w) else w, 0 if is_special else everywhere)
+        is_special = w in (0, np.inf) or np.any(np.abs(poles - 1j * w) < _ON_AXIS)
+        kernel = _unmeasured_space(plant, 1j * w if np.isfinite(w) else w, 0 if is_special else everywhere)
         n = len(kernel) - plant.B1.shape[1]
         z = np.hstack([plant.C1, plant.D11])[:, -len(kernel) :] @ kernel
         gains += [float(np.linalg.norm(z @ np.linalg.pinv(kernel[n:]), 2))] if kernel.size else []
     return max(gains)
 
 
-def unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
+def _unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
     """Return states and disturbances (n + n_w, k), at infinity disturbances alone, with y = u = 0 at s.
 
     Of a dimension that is known, else (0) of what is zero to rounding.
@@ -405,14 +405,14 @@ def unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
     pencil = np.block([[plant.A - s * np.eye(n), plant.B1], [plant.C2, plant.D21]]) if np.isfinite(s) else plant.D21
     rows = np.linalg.norm(pencil, axis=1, keepdims=True)
     _, sizes, V = np.linalg.svd(pencil / np.where(rows > 0, rows, 1.0))
-    rank = len(V) - dimension if dimension else np.count_nonzero(sizes > KERNEL_TOLERANCE)
+    rank = len(V) - dimension if dimension else np.count_nonzero(sizes > _KERNEL_TOLERANCE)
     return V[rank:].conj().T
 
 
 MOST_STEPS = 1000  # levels: of 54 published problems the hardest takes a third of them
-ALL_STEPS_MADE = "all levels that n_steps allows were tried"
-SINGULAR_TOLERANCE = 1.03  # gamma over the lower bound of a singular problem that needs no comment
-STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
+_ALL_STEPS_MADE = "all levels that n_steps allows were tried"
+_SINGULAR_TOLERANCE = 1.03  # gamma over the lower bound of a singular problem that needs no comment
+_STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 
 @value
@@ -543,12 +543,12 @@ def hinfsyn(
     1.366
     """
     P = multivariable("P", P)
-    return with_certificate(
+    return _with_certificate(
         P, synthesise(P, n_y, n_u, gamma_min=gamma_min, tolerance=tolerance, factor=factor, n_steps=n_steps)
     )
 
 
-def with_certificate(P: control.StateSpace, found: Synthesis) -> Synthesis:
+def _with_certificate(P: control.StateSpace, found: Synthesis) -> Synthesis:
     """Return a synthesis with the gamma that was proved, its certificate and closed loop, or the reason why not."""
     if not found.found:
         return found
@@ -584,20 +584,20 @@ def synthesise(
     hidden = hidden_mode(plant)
     if hidden:
         raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
-    found = synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
-    found = settle_lower_bound(P, plant, found=found, factor=factor)
-    if is_far_from_bound(found, wanted) and found.n_steps < n_steps:
-        others = controllers_by_other_means(P, plant, wanted=wanted, n_steps=n_steps - found.n_steps)
-        for loop in (close_stable_loop(P, K) for K in others):
-            achieved = norm_as_given(loop[1])[0] if loop else np.inf
+    found = _synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
+    found = _settle_lower_bound(P, plant, found=found, factor=factor)
+    if _is_far_from_bound(found, wanted) and found.n_steps < n_steps:
+        others = _controllers_by_other_means(P, plant, wanted=wanted, n_steps=n_steps - found.n_steps)
+        for loop in (_close_stable_loop(P, K) for K in others):
+            achieved = _norm_as_given(loop[1])[0] if loop else np.inf
             if loop and achieved < found.gamma:
                 found = replace(found, K=loop[0], gamma=achieved)
         low = min(found.gamma_min, found.gamma)
-        found = replace(found, gamma_min=low, reason=found.reason if is_far_from_bound(found, wanted) else "")
+        found = replace(found, gamma_min=low, reason=found.reason if _is_far_from_bound(found, wanted) else "")
     return found
 
 
-def synthesise_as_given(
+def _synthesise_as_given(
     P: control.StateSpace, plant: Plant, *, wanted: tuple[float, float, float], n_steps: int
 ) -> Synthesis:
     """Return the best controller by Riccati equations in the coordinates of P, of a regular or a singular problem."""
@@ -605,50 +605,50 @@ def synthesise_as_given(
     best = Synthesis(K=nothing, gamma=np.inf, level=np.inf, gamma_min=0.0, n_steps=0, reason="")
     problem = normalise_plant(plant)
     if problem is not None and not any(map(has_zero_on_axis, (problem, dual_plant(problem)))):
-        best = synthesise_regular(P, problem, nothing=best, wanted=wanted, n_steps=n_steps)
+        best = _synthesise_regular(P, problem, nothing=best, wanted=wanted, n_steps=n_steps)
     if best.found or best.n_steps >= n_steps:
         return best
     wanted_singular = wanted[0], wanted[2]
-    return synthesise_singular(P, plant, nothing=best, wanted=wanted_singular, n_steps=n_steps - best.n_steps)
+    return _synthesise_singular(P, plant, nothing=best, wanted=wanted_singular, n_steps=n_steps - best.n_steps)
 
 
 # ---- Stiff plants: a lower bound that rounding has no part in, and controllers by other means.
 
-STIFF = 1e5  # of the largest number of A to the slowest pole, from where rounding was seen to make bounds false
-NEAR_BOUND = 1.02  # times `factor`: beyond it other controllers are tried
-STATIC_SIZES = np.geomspace(1e-3, 1e3, 13)  # of a static controller, times the inverse of the gain from u to y
+_STIFF = 1e5  # of the largest number of A to the slowest pole, from where rounding was seen to make bounds false
+_NEAR_BOUND = 1.02  # times `factor`: beyond it other controllers are tried
+_STATIC_SIZES = np.geomspace(1e-3, 1e3, 13)  # of a static controller, times the inverse of the gain from u to y
 
 
-def is_far_from_bound(found: Synthesis, wanted: tuple[float, float, float]) -> bool:
+def _is_far_from_bound(found: Synthesis, wanted: tuple[float, float, float]) -> bool:
     """Return whether a controller is not as near to the lower bound as it should be, nor good enough."""
-    return bool(found.gamma > max(NEAR_BOUND * wanted[2] * found.gamma_min, wanted[0]))
+    return bool(found.gamma > max(_NEAR_BOUND * wanted[2] * found.gamma_min, wanted[0]))
 
 
-def fails_in_digits(
+def _fails_in_digits(
     P: control.StateSpace, plant: Plant, level: float, *, circle: tuple[float, ...] = ()
 ) -> bool | None:
     """Return whether no controller reaches a level, in many digits; None where it is not known, or P not stiff."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     slowest = speeds[speeds > 0].min(initial=np.inf)
-    if not np.linalg.norm(plant.A) > STIFF * slowest:
+    if not np.linalg.norm(plant.A) > _STIFF * slowest:
         return None
     ends = tuple(plant.speed * end for end in circle)
     return level_fails(to_matrices(P), plant.into_u, plant.out_of_y, level, circle=ends)
 
 
-def settle_lower_bound(P: control.StateSpace, plant: Plant, *, found: Synthesis, factor: float) -> Synthesis:
+def _settle_lower_bound(P: control.StateSpace, plant: Plant, *, found: Synthesis, factor: float) -> Synthesis:
     """With a lower bound that many digits confirm where the poles lie decades apart, and never above gamma."""
-    low, reached = min(found.gamma_min, found.gamma), found.gamma * ROUNDING_FACTOR
-    fails = partial(fails_in_digits, P, plant)
+    low, reached = min(found.gamma_min, found.gamma), found.gamma * _ROUNDING_FACTOR
+    fails = partial(_fails_in_digits, P, plant)
     # a level that was reached must not fail: else the problem is singular, and nothing is learnt
     if found.found and fails(reached) is False:
         ends = (0.0, low) if low and not fails(low) else (low, reached)
-        if ends[0] == 0 or found.gamma > NEAR_BOUND * factor * low:
-            low = bisect_level(lambda level: not fails(level), ends, tolerance=TOLERANCE, n_steps=MOST_STEPS)[0]
+        if ends[0] == 0 or found.gamma > _NEAR_BOUND * factor * low:
+            low = _bisect_level(lambda level: not fails(level), ends, tolerance=_TOLERANCE, n_steps=MOST_STEPS)[0]
     return replace(found, gamma_min=min(low, found.gamma))
 
 
-def controllers_by_other_means(
+def _controllers_by_other_means(
     P: control.StateSpace, plant: Plant, *, wanted: tuple[float, float, float], n_steps: int
 ) -> list[control.StateSpace]:
     """Return the zero controller, static ones, and the best in coordinates that balance the Gramians of P."""
@@ -659,7 +659,7 @@ def controllers_by_other_means(
     inverses = [np.zeros((n_u, n_y))]
     for at in (speeds.min(initial=1.0) / 10, speeds.max(initial=1.0)):
         inverses += list(
-            STATIC_SIZES[:, None, None] * np.linalg.pinv(response_by_channel(P, np.array([at]))[-n_y:, -n_u:, 0].real)
+            _STATIC_SIZES[:, None, None] * np.linalg.pinv(response_by_channel(P, np.array([at]))[-n_y:, -n_u:, 0].real)
         )
     found = [control.StateSpace([], [], [], sign * M, P.dt) for M in inverses for sign in (1, -1)]
     try:
@@ -668,31 +668,31 @@ def controllers_by_other_means(
         balanced = control.StateSpace(T @ P.A @ back, T @ P.B, P.C @ back, P.D, P.dt)
         other = prepare_plant(balanced, n_y, n_u)
         if not hidden_mode(other):
-            found.append(synthesise_as_given(balanced, other, wanted=wanted, n_steps=n_steps).K)
+            found.append(_synthesise_as_given(balanced, other, wanted=wanted, n_steps=n_steps).K)
     except np.linalg.LinAlgError:  # no balanced coordinates
         pass
     return found
 
 
-def synthesise_singular(
+def _synthesise_singular(
     P: control.StateSpace, plant: Plant, *, nothing: Synthesis, wanted: tuple[float, float], n_steps: int
 ) -> Synthesis:
     """Return the best controller of a singular problem, with a lower bound of the problem itself."""
-    found = synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
+    found = _synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
     late, n_tried = found.n_steps >= n_steps, nothing.n_steps + found.n_steps
     if not found.found:
-        why = ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
+        why = _ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
         return replace(nothing, n_steps=n_tried, reason=why)
-    low = min(found.gamma_min, found.gamma) if found.gamma_min > KERNEL_TOLERANCE * found.gamma else 0.0
+    low = min(found.gamma_min, found.gamma) if found.gamma_min > _KERNEL_TOLERANCE * found.gamma else 0.0
     reason = ""
-    if found.gamma > SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
-        why = ALL_STEPS_MADE if late else "the problem is singular"
+    if found.gamma > _SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
+        why = _ALL_STEPS_MADE if late else "the problem is singular"
         known = f"no controller reaches less than {low:.4g}" if low > 0 else "no lower bound was found"
         reason = f"{why}: gamma {found.gamma:.4g} was reached, {known}"
     return replace(found, level=low, gamma_min=low, n_steps=n_tried, reason=reason)
 
 
-def synthesise_regular(
+def _synthesise_regular(
     P: control.StateSpace,
     problem: Plant,
     *,
@@ -702,25 +702,25 @@ def synthesise_regular(
 ) -> Synthesis:
     """The best controller of one regular problem, judged on P itself; `nothing` with the reason where none is good."""
     enough, tolerance, factor = wanted
-    ends = direct_term_bound(problem), np.inf
-    low, high, n_tried = bisect_level(
+    ends = _direct_term_bound(problem), np.inf
+    low, high, n_tried = _bisect_level(
         lambda gamma: solve_riccati_pair(problem, gamma), ends, tolerance=tolerance, n_steps=n_steps, enough=enough
     )
     best = replace(nothing, gamma_min=low, level=high, n_steps=nothing.n_steps + n_tried)
     late = n_tried >= n_steps
     if not np.isfinite(high):
-        what = ALL_STEPS_MADE if late else f"no level up to {LARGEST_GAMMA:.0e} met the existence conditions"
+        what = _ALL_STEPS_MADE if late else f"no level up to {_LARGEST_GAMMA:.0e} met the existence conditions"
         return replace(best, reason=what)
     best = replace(best, reason="the loop with the controller of the Riccati equations is not stable")
-    for step in STEPS_UP:
+    for step in _STEPS_UP:
         gamma = high * factor * step
-        loop = controlled_loop(P, problem, gamma)
+        loop = _controlled_loop(P, problem, gamma)
         if loop is None:
             continue
         achieved = hinf_norm(loop[1])[0]
         reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"
         if late:
-            reason = f"{ALL_STEPS_MADE} with gamma between {low:.4g} and {high:.4g}"
+            reason = f"{_ALL_STEPS_MADE} with gamma between {low:.4g} and {high:.4g}"
         best = replace(best, K=loop[0], gamma=achieved, reason=reason) if achieved < best.gamma else best
         if achieved <= gamma * 1.001:
             break

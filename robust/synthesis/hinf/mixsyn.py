@@ -17,8 +17,8 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import MOST_STEPS, hinfsyn
 
-PADE_ORDER = 4
-WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
+_PADE_ORDER = 4
+_WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 
 
 def mixsyn(
@@ -89,22 +89,22 @@ def mixsyn(
     (1.366, True)
     """
     dt, delay = require_nonnegative("dt", dt), require_nonnegative("delay", delay)
-    G = multivariable("model", model.nominal if is_unstructured_model(model) else model)
+    G = multivariable("model", model.nominal if _is_unstructured_model(model) else model)
     n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
     names = G.output_labels, G.input_labels
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
-    G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
+    G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=_PADE_ORDER)
     dt = step or dt
     weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
-    if is_unstructured_model(model):
+    if _is_unstructured_model(model):
         place = FORMS[model.form].weighted_transfer
         if not place:
             possible = ", ".join(name for name, form in FORMS.items() if form.weighted_transfer)
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
     stacked = [
-        (WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y))
+        (_WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y))
         for name, many in weights.items()
         for w in many
         if w is not None
@@ -126,7 +126,7 @@ def mixsyn(
     )
 
 
-def is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
+def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
     if has_several_channels(model):
         raise ValueError(

@@ -18,7 +18,7 @@ from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.generalised_plant import rank_margin
 
 #: Of the rank margin of an unstable mode, from which on down it is named where the loop is not stable.
-NEARLY_CANCELLED = 1e-2
+_NEARLY_CANCELLED = 1e-2
 
 
 def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
@@ -67,11 +67,11 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
         raise ValueError(f"factor must be above 1, got {factor:g}")
     G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     dt = timebase(G)
-    W1, W2 = shaping_system("W1", W1, n=G.ninputs, dt=dt), shaping_system("W2", W2, n=G.noutputs, dt=dt)
+    W1, W2 = _shaping_system("W1", W1, n=G.ninputs, dt=dt), _shaping_system("W2", W2, n=G.noutputs, dt=dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
-    X, Z = riccati_solutions(A, B, C=C, D=D)
+    X, Z = _riccati_solutions(A, B, C=C, D=D)
     gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
     gamma = factor * gamma_min
     L = (1 - gamma**2) * np.eye(len(A)) + X @ Z
@@ -86,26 +86,26 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
     CL = control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt)
     achieved = hinf_norm(CL)[0]
     if not np.isfinite(achieved):
-        reason = explain_unstable(shaped, gamma_min)
+        reason = _explain_unstable(shaped, gamma_min)
         return Design(K=K, gamma=achieved, gamma_min=gamma_min, met=False, reason=reason, CL=CL)
-    proof = certify_closed_loop(coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop")
+    proof = certify_closed_loop(_coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop")
     reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
     return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL)
 
 
-def explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
+def _explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
     """Return that K does not stabilise a shaped plant, and which of its modes is hardest to reach or to see."""
     modes = unstable_pole_values(shaped, timebase(shaped))
     away = [shaped.A - mode * np.eye(shaped.nstates) for mode in modes]
     reached = [min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C]))) for one in away]
     text = f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, beyond what rounding leaves"
-    if not reached or min(reached) > NEARLY_CANCELLED:
+    if not reached or min(reached) > _NEARLY_CANCELLED:
         return text
     variable, mode = "z" if timebase(shaped) else "s", np.real_if_close(modes[int(np.argmin(reached))])
     return f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero: {min(reached):.1g} of it is left"
 
 
-def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
+def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     """From (p_out, p_in, u) to (u, y) and the error -y that the controller sees, for a plant of its own."""
     n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
     one, none = np.eye(n_u), np.zeros
@@ -116,7 +116,7 @@ def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(G.A, B, C, D, G.dt)
 
 
-def riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """X and Z of the shaped plant: those of control and of filtering."""
     X, Z = (
         stabilising_riccati(a, b, Q=c.T @ c, R=np.eye(d.shape[1]) + d.T @ d, S=c.T @ d)
@@ -130,7 +130,7 @@ def riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndar
     return X, Z
 
 
-def shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
+def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
     """Return a shaping function beside n channels of the plant, at its input W1 or its output W2."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
@@ -190,11 +190,11 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
             f"{omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
         )
     gains = np.abs(response_by_channel(G, omega_c * np.array([0.9, 1.0, 1.1])))
-    loops = [crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]
+    loops = [_crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]
     return loops[0] if len(loops) == 1 else block_diagonal(loops, dt)
 
 
-def crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
+def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
     """`crossover_weight` of one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((gains > 0) & np.isfinite(gains)):
         raise ValueError(

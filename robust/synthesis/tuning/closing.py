@@ -22,7 +22,7 @@ from robust.lti.norms import continuous_matrices
 from robust.lti.wiring import is_well_posed
 
 #: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
-MAX_MODAL_CONDITION = 1e7
+_MAX_MODAL_CONDITION = 1e7
 
 
 @value(copy=False)
@@ -114,7 +114,7 @@ class ClosedLoop:
     def modal(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Return C V and V^-1 B; None where the eigenvectors nearly coincide."""
         vectors = self.modes[1]
-        if len(vectors) and not np.linalg.cond(vectors) < MAX_MODAL_CONDITION:
+        if len(vectors) and not np.linalg.cond(vectors) < _MAX_MODAL_CONDITION:
             return None
         return self.C @ vectors, np.linalg.solve(vectors, self.B.astype(complex)) if len(vectors) else self.B
 

@@ -19,7 +19,7 @@ from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 
 #: Units of parameters that have one of their own.
-UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
+_UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
 
 
 class Ended(Enum):
@@ -218,7 +218,7 @@ class TunedDesign:
         rows = [f"tuned {format_small_count(len(self.blocks), 'block')}: {met}; {self.reason}"]
         for name, block in self.blocks.items():
             entries = [
-                f"{key} = {np.array2string(number, precision=6)}{f' {UNITS[key]}' if key in UNITS else ''}"
+                f"{key} = {np.array2string(number, precision=6)}{f' {_UNITS[key]}' if key in _UNITS else ''}"
                 for key, number in parameter_values(block).items()
             ]
             rows.append(f"  {name}: {', '.join(entries)}")

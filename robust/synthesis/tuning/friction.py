@@ -36,7 +36,7 @@ from robust.lti.sampling import hold_response
 
 #: Lines of the linear program, as `prove_friction` has them; the lowest over the highest, and over the slowest pole or
 #: filter; the highest over Nyquist.
-N_LINES, LOWEST, SLOWEST, BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
+_N_LINES, _LOWEST, _SLOWEST, _BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
 
 
 @value(kw_only=False)
@@ -158,9 +158,9 @@ class FrictionChannel:
         From a tenth of the slowest pole on: below it the test has its limit, and rounding grows.
         """
         size = np.abs(poles)[np.abs(poles) > 0]
-        top = BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
-        low = max(LOWEST * top, SLOWEST * size.min(initial=top))
-        return np.union1d(np.geomspace(low, top, N_LINES), np.linspace(max(low, top / N_LINES), top, N_LINES // 2))
+        top = _BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
+        low = max(_LOWEST * top, _SLOWEST * size.min(initial=top))
+        return np.union1d(np.geomspace(low, top, _N_LINES), np.linspace(max(low, top / _N_LINES), top, _N_LINES // 2))
 
     def mobility_terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a and b (W,) of the mobility a + b S."""
@@ -216,7 +216,7 @@ class FrictionChannel:
             )
             if share > best[0] and (mu[1:] > 0).any():
                 used = rates[mu[1:] > 1e-9 * mu[1:].max()]
-                lowest = max(min(omega[0], SLOWEST * used.min()), LOWEST * omega[-1])
+                lowest = max(min(omega[0], _SLOWEST * used.min()), _LOWEST * omega[-1])
                 best = share, Multipliers(rates=rates, mu=mu, lowest=lowest, highest=float(omega[-1]))
         if best[1] is None:
             raise ValueError("hard must hold a friction limit whose test can be computed, got a loop without mobility")

@@ -83,7 +83,7 @@ class Limit:
             object.__setattr__(self, name, signal_names(name, getattr(self, name)))
         require_kind("worst", self.worst, bool)
         for name in ("bound", "weight"):
-            object.__setattr__(self, name, magnitude(name, getattr(self, name)))
+            object.__setattr__(self, name, _magnitude(name, getattr(self, name)))
         if self.band is not None:
             if not isinstance(self.band, tuple | list) or len(self.band) != 2:
                 raise ValueError(f"band must be (lowest, highest) [rad/s], got {short_form(self.band)}")
@@ -120,10 +120,10 @@ class Limit:
         """Return (W,) weight over bound at true frequencies [rad/s]."""
         if self.is_constant:
             return np.full(np.size(omega), self.weight / self.bound)
-        return evaluate_magnitude("weight", self.weight, omega) / evaluate_magnitude("bound", self.bound, omega)
+        return _evaluate_magnitude("weight", self.weight, omega) / _evaluate_magnitude("bound", self.bound, omega)
 
 
-def magnitude(name: str, given: Magnitude) -> Magnitude:
+def _magnitude(name: str, given: Magnitude) -> Magnitude:
     """Return a number, a stable system with one input and output, or a callable; or a refusal."""
     if isinstance(given, control.StateSpace | control.TransferFunction):
         system = state_space(name, given)
@@ -133,7 +133,7 @@ def magnitude(name: str, given: Magnitude) -> Magnitude:
     return given if callable(given) else require_positive(name, given)
 
 
-def evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.ndarray:
+def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.ndarray:
     """Return (W,) a magnitude over frequency, positive and finite or a refusal."""
     if isinstance(given, float):
         return np.full(np.size(omega), given)
@@ -200,7 +200,7 @@ class Channel:
     def gain(self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None) -> np.ndarray:
         """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) where the limit has some."""
         if self.perturbation is None:
-            return largest_singular_values(H[:, self.rows[:, None], self.columns])
+            return _largest_singular_values(H[:, self.rows[:, None], self.columns])
         assert perturbation is not None
         N = perturbation.pull_out(H, *self.places)
         return disc_gain(N, smooth=True) if d is None else scaled_gain(N, self.blocks, d)
@@ -219,7 +219,7 @@ class Channel:
         """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two where they are close."""
         if self.perturbation is None:
             found = []
-            for sigma, u, v in leading_singular_vectors(H[self.rows[:, None], self.columns]):
+            for sigma, u, v in _leading_singular_vectors(H[self.rows[:, None], self.columns]):
                 Q = np.zeros(H.shape, complex)
                 np.add.at(Q, (self.rows[:, None], self.columns), np.outer(u, v.conj()))
                 found.append((sigma, Q))
@@ -236,14 +236,14 @@ class Channel:
         return fit_scalings(omega, perturbation.pull_out(H, *self.places), blocks=self.blocks, level=level)
 
 
-def largest_singular_values(H: np.ndarray) -> np.ndarray:
+def _largest_singular_values(H: np.ndarray) -> np.ndarray:
     """Return (W,) of (W, m, n)."""
     if 1 in H.shape[1:]:
         return np.sqrt((np.abs(H) ** 2).sum(axis=(1, 2)))
     return np.linalg.svd(H, compute_uv=False)[:, 0]
 
 
-def leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+def _leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Return the largest singular value with its vectors, and the second where it comes close."""
     U, sigma, V = np.linalg.svd(H, full_matrices=False)
     return [

@@ -29,24 +29,24 @@ from robust.synthesis.tuning.limits import Channel
 from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_bounded
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
-N_LINES, N_PEAKS, N_ROUNDS = 70, 6, 4
+_N_LINES, _N_PEAKS, _N_ROUNDS = 70, 6, 4
 #: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
-N_DENSE, N_AROUND, N_BAND = 1500, 41, 300
+_N_DENSE, _N_AROUND, _N_BAND = 1500, 41, 300
 #: Local maxima that count: at least so much of the highest.
-NEAR_PEAK_RATIO = 0.7
+_NEAR_PEAK_RATIO = 0.7
 #: How far above a value the exact norm may be before a frequency is added, relative.
-NORM_TOLERANCE = 1e-8
+_NORM_TOLERANCE = 1e-8
 #: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
-DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
-MAX_KEPT = 24
+_DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
+_MAX_KEPT = 24
 AnyChannel = Channel | FrictionChannel
 #: Of the scalings of a worst case: how often lines are put between others, and the level above the best from which on.
-N_SCALING_ROUNDS, SCALING_TOLERANCE = 3, 1e-3
+_N_SCALING_ROUNDS, _SCALING_TOLERANCE = 3, 1e-3
 #: Frequencies of which the best scalings are found together.
-N_TOGETHER = 60
+_N_TOGETHER = 60
 
 
-def bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
+def _bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
     """Return frequencies in the plane of the bilinear map, 2/T tan(omega T/2) [rad/s]."""
     if not dt:
         return np.asarray(omega, dtype=float)
@@ -115,7 +115,7 @@ class ModelledLoop:
         self.has_friction = any(isinstance(channel, FrictionChannel) for channel in channels)
         lines = plant.lines[(plant.lines > 0)]
         lines = np.concatenate([lines[lines * dt < np.pi] if dt else lines, self.lines_of_systems()])
-        self.lines = bilinear_frequency(lines, dt)
+        self.lines = _bilinear_frequency(lines, dt)
 
     def lines_of_systems(self) -> np.ndarray:
         """Return frequencies [rad/s] around the poles and zeros of weights, bounds and set, folded below Nyquist."""
@@ -139,7 +139,7 @@ class ModelledLoop:
         """Return the band of a limit in the plane of the bilinear map [rad/s]."""
         if channel.limit.band is None:
             return 0.0, np.inf
-        low, high = bilinear_frequency(np.array(channel.limit.band), self.dt)
+        low, high = _bilinear_frequency(np.array(channel.limit.band), self.dt)
         return float(low), float(high)
 
     def levels(self, channel: AnyChannel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
@@ -174,21 +174,21 @@ class ModelledLoop:
         for channel in self.channels:
             if isinstance(channel, FrictionChannel):
                 true = channel.lines(loop.poles)
-                H = loop.responses_by_elimination(bilinear_frequency(true, self.dt))
+                H = loop.responses_by_elimination(_bilinear_frequency(true, self.dt))
                 self.multipliers[channel.index] = channel.best_multipliers(true, H)
                 continue
             if not channel.is_scaled:
                 continue
             omega = self.grid(loop)
             omega = omega[(omega > 0) & np.isfinite(omega)]
-            for _ in range(N_SCALING_ROUNDS):
+            for _ in range(_N_SCALING_ROUNDS):
                 true = true_frequency(omega, self.dt)
                 level = 1 / np.maximum(channel.limit.factor(true), 1e-300)
                 H = loop.responses_by_elimination(omega)
                 self.scalings[channel.index] = channel.best_scalings(omega, H, self.perturbation(true), level)
                 level = self.levels(channel, omega, H)
                 tops, heights = self.refine_maxima(loop, channel, omega, level)
-                if not heights.max(initial=0.0) > level.max() * (1 + SCALING_TOLERANCE):
+                if not heights.max(initial=0.0) > level.max() * (1 + _SCALING_TOLERANCE):
                     break
                 omega = np.union1d(omega, tops)
 
@@ -201,7 +201,7 @@ class ModelledLoop:
         poles = loop.poles
         size = np.abs(poles)
         size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
-        wide = np.geomspace(0.05 * size.min(), 20 * size.max(), N_LINES)
+        wide = np.geomspace(0.05 * size.min(), 20 * size.max(), _N_LINES)
         kept = [frequency for frequencies in self.added.values() for frequency in frequencies]
         return np.unique(
             np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
@@ -236,12 +236,12 @@ class ModelledLoop:
         omega: np.ndarray,
         level: np.ndarray,
         *,
-        rounds: int = N_ROUNDS,
+        rounds: int = _N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
         respond = loop.responses_by_elimination if exact else self.respond(loop)
-        places = highest_places(level)
+        places = _highest_places(level)
         best, value_ = omega[places], level[places]
         left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
         inner = np.isfinite(best) & np.isfinite(right) & (left < best) & (best < right)
@@ -284,13 +284,15 @@ class ModelledLoop:
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
         if isinstance(channel, FrictionChannel):
             gains = channel.slopes(float(true[0]), H, self.multipliers[channel.index])
-            return peaks_of_gains(
+            return _peaks_of_gains(
                 channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes
             )
         perturbation = self.perturbation(true) if channel.perturbation is not None else None
         d = self.scalings_at(channel, np.array([omega]))
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
-        return peaks_of_gains(channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes)
+        return _peaks_of_gains(
+            channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes
+        )
 
     def raise_norms(self, loop: ClosedLoop) -> dict[int, tuple[float, float, bool]]:
         """Find the largest level of each limit, its frequency, and whether none is higher (Bruinsma & Steinbuch 1990).
@@ -305,8 +307,8 @@ class ModelledLoop:
             certain = False
             weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
             if weighting is not None and best > 0:
-                matrices = weighted_channel(loop, channel, weighting=weighting, dt=self.dt)
-                best, where, certain = norm_over_band(matrices, best, where=where, band=self.band(channel))
+                matrices = _weighted_channel(loop, channel, weighting=weighting, dt=self.dt)
+                best, where, certain = _norm_over_band(matrices, best, where=where, band=self.band(channel))
             self.keep(channel.index, where)
             found[channel.index] = (best, where, certain)
         return found
@@ -325,11 +327,11 @@ class ModelledLoop:
         poles, (low, high) = loop.poles, self.band(channel)
         size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
         light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
-        near = cluster_at_modes(light, N_AROUND) if light.size else np.zeros(0)
+        near = cluster_at_modes(light, _N_AROUND) if light.size else np.zeros(0)
         edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
-        omega = [np.geomspace(1e-3 * size.min(), 1e3 * size.max(), N_DENSE), near[near > 0], self.grid(loop), edges]
+        omega = [np.geomspace(1e-3 * size.min(), 1e3 * size.max(), _N_DENSE), near[near > 0], self.grid(loop), edges]
         if np.isfinite(high):
-            omega.append(np.geomspace(max(low, 1e-3 * high), high, N_BAND))
+            omega.append(np.geomspace(max(low, 1e-3 * high), high, _N_BAND))
         at = np.unique(np.concatenate([*omega, [where]]))
         at = at[(at >= low) & (at <= high)]
         levels = self.highest_levels(loop, channel, at)
@@ -338,7 +340,7 @@ class ModelledLoop:
             level, where = float(levels[k]), float(at[k])
         if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
             peak = slice(max(k - 1, 0), k + 2)
-            tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * N_ROUNDS, exact=True)
+            tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * _N_ROUNDS, exact=True)
             if heights[0] > level:
                 level, where = float(heights[0]), float(tops[0])
                 self.keep(channel.index, where)
@@ -356,7 +358,7 @@ class ModelledLoop:
         bound = self.levels(channel, omega, H)
         found = np.zeros(omega.size)
         order = np.argsort(-bound, kind="stable")
-        for part in np.array_split(order, max(1, omega.size // N_TOGETHER)):
+        for part in np.array_split(order, max(1, omega.size // _N_TOGETHER)):
             if found.max() >= bound[part[0]]:
                 break
             found[part] = self.levels(channel, omega[part], H[part], exact=True)
@@ -373,25 +375,25 @@ class ModelledLoop:
         high = min(high, 20 * float(size.max()))
         low = max(low, min(0.05 * float(size.min()), 1e-2 * high))
         grid = self.grid(loop)
-        return np.union1d(np.geomspace(low, high, N_BAND), grid[(grid >= low) & (grid <= high)])
+        return np.union1d(np.geomspace(low, high, _N_BAND), grid[(grid >= low) & (grid <= high)])
 
     def keep(self, limit: int, omega: float) -> None:
         """Remember a frequency, the latest of many."""
         kept = self.added[limit]
         if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
             kept.append(omega)
-            del kept[:-MAX_KEPT]
+            del kept[:-_MAX_KEPT]
 
 
-def highest_places(level: np.ndarray) -> np.ndarray:
+def _highest_places(level: np.ndarray) -> np.ndarray:
     """Return where the highest local maxima of a level (W,) are, the highest first."""
     padded = np.concatenate([[-np.inf], level, [-np.inf]])
-    top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0))
+    top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= _NEAR_PEAK_RATIO * level.max(initial=0.0))
     places = np.flatnonzero(top)
-    return places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
+    return places[np.argsort(-level[places], kind="stable")][:_N_PEAKS]
 
 
-def weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float) -> Matrices:
+def _weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float) -> Matrices:
     """Return matrices of a channel with its weight behind it, on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
     Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
@@ -406,26 +408,26 @@ def weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: contro
     )
 
 
-def norm_over_band(
+def _norm_over_band(
     matrices: Matrices, best: float, *, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
     """Return the norm over a band, its frequency, and whether the Hamiltonian has no crossing above it."""
     system, certain = well_conditioned(matrices), False
     for _ in range(20):
         raised = False
-        for step in DIFFERENCE_STEPS:
+        for step in _DIFFERENCE_STEPS:
             found = crossings(system, best * (1 + step))
             if found is None:
                 continue
             omega = np.unique(found[0])
             omega = omega[(omega >= band[0]) & (omega <= band[1])]
-            certain = step == DIFFERENCE_STEPS[-1]
+            certain = step == _DIFFERENCE_STEPS[-1]
             if not omega.size:
                 continue
             points = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2])
             gains = largest_gain(matrices, points)
             k = int(np.argmax(gains))
-            if gains[k] > best * (1 + NORM_TOLERANCE):
+            if gains[k] > best * (1 + _NORM_TOLERANCE):
                 best, where, raised = float(gains[k]), float(points[k]), True
                 break
         if not raised:
@@ -433,7 +435,7 @@ def norm_over_band(
     return best, where, certain and not raised
 
 
-def peaks_of_gains(
+def _peaks_of_gains(
     channel: AnyChannel,
     plant: int,
     *,
@@ -465,7 +467,7 @@ def peaks_of_gains(
 
 
 @value(copy=False)
-class ClosedLines:
+class _ClosedLines:
     """A stable loop around an FRF: the matrix M of its blocks, and H (W, outputs, inputs) on the lines."""
 
     M: np.ndarray
@@ -492,7 +494,7 @@ class MeasuredLoop:
         self.index, self.plant, self.channels, self.dt = index, plant, channels, dt
         self.n_states, self.n_in, self.n_out = sizes
         n_y, n_u = plant.G.shape[:2]
-        self.image = bilinear_frequency(plant.omega, dt)
+        self.image = _bilinear_frequency(plant.omega, dt)
         matrices = continuous_matrices(fixed, dt)
         self.around = matrices, n_external, n_looked_at
         P = evaluate_transfer(*matrices, 1j * self.image)
@@ -546,12 +548,12 @@ class MeasuredLoop:
         """Return the scalings (W, K) that the search has kept; None where the limit has none."""
         return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
 
-    def close(self, M: np.ndarray) -> ClosedLines | None:
+    def close(self, M: np.ndarray) -> _ClosedLines | None:
         """Return the loop with the blocks M; None where it has no solution, or the lines do not show it stable."""
         H = self.responses(M) if all(self.stability_by_winding(M)) else None
-        return None if H is None else ClosedLines(M=M, H=H)
+        return None if H is None else _ClosedLines(M=M, H=H)
 
-    def refit_scalings(self, loop: ClosedLines) -> None:
+    def refit_scalings(self, loop: _ClosedLines) -> None:
         """Find the scalings of the worst cases again for a loop."""
         for channel in self.channels:
             if channel.is_scaled:
@@ -560,7 +562,7 @@ class MeasuredLoop:
                 found = channel.best_scalings(self.plant.omega, loop.H, self.plant.perturbation, level)
                 self.scalings[channel.index] = found
 
-    def peaks(self, loop: ClosedLines, slopes: np.ndarray) -> list[Peak]:
+    def peaks(self, loop: _ClosedLines, slopes: np.ndarray) -> list[Peak]:
         """Return peaks on the lines with their gradients."""
         K, left, right = self.blocks_at(loop.M)
         if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
@@ -568,7 +570,7 @@ class MeasuredLoop:
         found = []
         for channel in self.channels:
             level = self.levels(channel, loop.H)
-            for k in highest_places(level):
+            for k in _highest_places(level):
                 if level[k] <= 0:
                     continue
                 inner = np.linalg.inv(np.eye(self.n_in) - self.P22[k] @ K[k])
@@ -579,7 +581,7 @@ class MeasuredLoop:
                 slope = channel.slopes(
                     loop.H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
                 )
-                found += peaks_of_gains(
+                found += _peaks_of_gains(
                     channel,
                     self.index,
                     omega=float(self.image[k]),
@@ -590,7 +592,7 @@ class MeasuredLoop:
                 )
         return found
 
-    def raise_norms(self, loop: ClosedLines) -> dict[int, tuple[float, float, bool]]:
+    def raise_norms(self, loop: _ClosedLines) -> dict[int, tuple[float, float, bool]]:
         """Return the largest level of each limit on the lines, and where in the plane of the bilinear map."""
         found = {}
         for channel in self.channels:
@@ -599,15 +601,15 @@ class MeasuredLoop:
             found[channel.index] = (float(level[k]), float(self.image[k]), False)
         return found
 
-    def curve(self, channel: Channel, loop: ClosedLines, omega: np.ndarray) -> np.ndarray:
+    def curve(self, channel: Channel, loop: _ClosedLines, omega: np.ndarray) -> np.ndarray:
         """Return (W,) ratio of a limit on its lines omega."""
         return self.levels(channel, loop.H, exact=True)[self.band(channel)]
 
-    def frequencies(self, channel: Channel, loop: ClosedLines) -> np.ndarray:
+    def frequencies(self, channel: Channel, loop: _ClosedLines) -> np.ndarray:
         """Return lines of a limit, in the plane of the bilinear map [rad/s]."""
         return self.image[self.band(channel)]
 
-    def look_closely(self, loop: ClosedLines) -> dict[int, CloseLook]:
+    def look_closely(self, loop: _ClosedLines) -> dict[int, CloseLook]:
         """Return every limit on the lines of its band."""
         return {
             channel.index: CloseLook(

@@ -19,22 +19,22 @@ from robust.synthesis.tuning.loops import Peak
 from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, TuningProblem
 
 #: Relative gain of a round below which the search ends.
-ROUND_GAIN = 2e-5
+_ROUND_GAIN = 2e-5
 #: The same of the points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.
-SAMPLED_GAIN = 2e-4
-N_ROUNDS, N_SQP, N_BFGS = 20, 40, 200
+_SAMPLED_GAIN = 2e-4
+_N_ROUNDS, _N_SQP, _N_BFGS = 20, 40, 200
 #: Weights of the hard limits, the next where they are still missed.
-PENALTIES = (10.0, 100.0, 1000.0)
+_PENALTIES = (10.0, 100.0, 1000.0)
 #: How often a closer look sends the search back, and from which excess on (log).
-N_LOOKS, LOOK_TOLERANCE = 3, 2e-6
+_N_LOOKS, _LOOK_TOLERANCE = 3, 2e-6
 #: Around a stalled design: distances in coordinates, and how many points at most.
-SAMPLING_RADII, MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
+_SAMPLING_RADII, _MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
 #: Rounds of new scalings at most, and the gain (log) from which on there is another. Of a 2 by 2 plant under two PIDs
 #: the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more together 0.003.
-N_SCALINGS, SCALED_GAIN = 6, 1e-3
+_N_SCALINGS, _SCALED_GAIN = 6, 1e-3
 #: Level (log) below that of the start from which on a limit counts as zero.
-MIN_LOG_GAIN = float(np.log(1e-10))
-WOLFE = 1e-4, 0.5
+_MIN_LOG_GAIN = float(np.log(1e-10))
+_WOLFE = 1e-4, 0.5
 Found = TypeVar("Found")  # what a function has beside its value and slope
 
 
@@ -53,10 +53,10 @@ def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Ev
         return found.excess + float(np.abs(outside).sum()), np.where(outside == 0, slope, np.sign(outside)), found
 
     target = -1e-6 * max(1.0, problem.decay)
-    return bfgs(function, x, n_steps, enough=target)[1]
+    return _bfgs(function, x, n_steps, enough=target)[1]
 
 
-def bfgs(
+def _bfgs(
     function: Callable[[np.ndarray], tuple[float, np.ndarray, Found]],
     x: np.ndarray,
     n_steps: int,
@@ -80,11 +80,11 @@ def bfgs(
         best = None
         for _ in range(30):
             f_t, g_t, found_t = function(x + t * d)
-            if not f_t <= f + WOLFE[0] * t * slope:
+            if not f_t <= f + _WOLFE[0] * t * slope:
                 high = t
             else:
                 best = (t, f_t, g_t, found_t)
-                if float(g_t @ d) >= WOLFE[1] * slope:
+                if float(g_t @ d) >= _WOLFE[1] * slope:
                     break
                 low = t
             t = (low + high) / 2 if np.isfinite(high) else 2 * low
@@ -116,22 +116,22 @@ def bfgs(
 
 def minimise_from(problem: TuningProblem, start: Evaluation) -> Evaluation:
     """Minimise the merit from a stable design, until no step improves it."""
-    start = evaluate_with_scalings(problem, start)
-    current = minimise(problem, start, start)
-    for _ in range(N_SCALINGS if problem.has_scalings else 0):
-        before = current.merit(PENALTIES[-1])
-        current = minimise(problem, evaluate_with_scalings(problem, current), start)
-        if not current.merit(PENALTIES[-1]) < before - SCALED_GAIN:
+    start = _evaluate_with_scalings(problem, start)
+    current = _minimise(problem, start, start)
+    for _ in range(_N_SCALINGS if problem.has_scalings else 0):
+        before = current.merit(_PENALTIES[-1])
+        current = _minimise(problem, _evaluate_with_scalings(problem, current), start)
+        if not current.merit(_PENALTIES[-1]) < before - _SCALED_GAIN:
             break
-    for _ in range(N_LOOKS):
-        closer = evaluate_closely(problem, current)
+    for _ in range(_N_LOOKS):
+        closer = _evaluate_closely(problem, current)
         if closer is current:
             break
-        current = minimise(problem, closer, start)
+        current = _minimise(problem, closer, start)
     return current
 
 
-def evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evaluation:
+def _evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evaluation:
     """Return the same design with the scalings of its worst cases found again."""
     if not problem.has_scalings:
         return current
@@ -139,17 +139,17 @@ def evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evalu
     return problem.evaluate(current.x)
 
 
-def evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation:
+def _evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation:
     """Return the same design evaluated again where a closer look found a limit above what the search saw of it."""
-    known = highest_levels(current)
+    known = _highest_levels(current)
     for k, looks in enumerate(problem.look_closely(current.x)):
         for limit, look in looks.items():
-            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + LOOK_TOLERANCE:
+            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + _LOOK_TOLERANCE:
                 return problem.evaluate(current.x)
     return current
 
 
-def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
+def _highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
     """Return the highest level of each limit and plant."""
     known: dict[tuple[int, int], float] = {}
     for peak in evaluation.peaks:
@@ -158,40 +158,40 @@ def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
     return known
 
 
-def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> Evaluation:
+def _minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> Evaluation:
     """Minimise by rounds of programs and BFGS with growing penalties."""
-    for rho in PENALTIES:
-        for _ in range(N_ROUNDS):
+    for rho in _PENALTIES:
+        for _ in range(_N_ROUNDS):
             before = current.merit(rho)
-            current = evaluate_at_exact_peaks(problem, sequential_programs(problem, current, rho))
-            if is_done(current, start):
+            current = _evaluate_at_exact_peaks(problem, _sequential_programs(problem, current, rho))
+            if _is_done(current, start):
                 break
-            current = evaluate_at_exact_peaks(problem, descend_on_penalty(problem, current, rho))
+            current = _evaluate_at_exact_peaks(problem, _descend_on_penalty(problem, current, rho))
             problem.report(current)
-            if is_done(current, start):
+            if _is_done(current, start):
                 break
-            if not current.merit(rho) < before - ROUND_GAIN:
-                current = evaluate_at_exact_peaks(problem, sampled_steps(problem, current, rho))
-                if not current.merit(rho) < before - SAMPLED_GAIN:
+            if not current.merit(rho) < before - _ROUND_GAIN:
+                current = _evaluate_at_exact_peaks(problem, _sampled_steps(problem, current, rho))
+                if not current.merit(rho) < before - _SAMPLED_GAIN:
                     break
-        if current.hard < 2 * HARD_LIMIT_MARGIN or is_done(current, start):
+        if current.hard < 2 * HARD_LIMIT_MARGIN or _is_done(current, start):
             break
     return current
 
 
-def is_done(current: Evaluation, start: Evaluation) -> bool:
+def _is_done(current: Evaluation, start: Evaluation) -> bool:
     """Return whether nothing is left to minimise: hard limits alone are met, or soft ones are zero."""
     has_soft = any(not peak.hard for peak in current.peaks)
     if current.hard > 0:
         return False
-    return not has_soft or current.soft < start.soft + MIN_LOG_GAIN
+    return not has_soft or current.soft < start.soft + _MIN_LOG_GAIN
 
 
-def evaluate_at_exact_peaks(problem: TuningProblem, current: Evaluation) -> Evaluation:
+def _evaluate_at_exact_peaks(problem: TuningProblem, current: Evaluation) -> Evaluation:
     """Return the same design, its peaks looked for again where the exact norm was found above them."""
     for _ in range(3):
         norms = problem.norms(current.x)
-        known, missed = highest_levels(current), 0.0
+        known, missed = _highest_levels(current), 0.0
         for k, found in enumerate(norms):
             for limit, (level, _, _) in found.items():
                 if np.isfinite(level) and level > 0:
@@ -202,7 +202,7 @@ def evaluate_at_exact_peaks(problem: TuningProblem, current: Evaluation) -> Eval
     return current
 
 
-def descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+def _descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
     """Minimise the exact penalty by BFGS, trial points projected onto the bounds."""
     low, high = problem.controller.lower, problem.controller.upper
     best = current
@@ -219,11 +219,11 @@ def descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float) 
         slope = found.merit_slope(rho) if found.stable else np.zeros(x.size)
         return merit + float(np.abs(outside).sum()), np.where(outside == 0, slope, np.sign(outside)), found
 
-    bfgs(function, current.x, N_BFGS)
+    _bfgs(function, current.x, _N_BFGS)
     return best
 
 
-def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+def _sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
     """Step by gradient sampling: on the peaks of nearby points, where neither programs nor BFGS improve.
 
     Beside a kink the peaks of one point alone say too little of which way all of them fall (Burke, Lewis & Overton
@@ -231,38 +231,38 @@ def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Ev
     """
     rng, n = np.random.default_rng(0), current.x.size
     low, high = problem.controller.lower, problem.controller.upper
-    for radius in SAMPLING_RADII:
+    for radius in _SAMPLING_RADII:
         cuts: list[tuple[Peak, np.ndarray]] = []
-        for _ in range(min(2 * n, MAX_SAMPLES)):
+        for _ in range(min(2 * n, _MAX_SAMPLES)):
             near = np.clip(current.x + radius * rng.uniform(-1, 1, n), low, high)
             tried = problem.evaluate(near, pole_slopes=False)
             if tried.stable:
-                cuts += cuts_of_trial(current, tried, near - current.x)
+                cuts += _cuts_of_trial(current, tried, near - current.x)
         if not current.poles:
             current = problem.evaluate(current.x)
-        solved = quadratic_program(problem, current, cuts=cuts, H=1e-3 * np.eye(n), rho=rho, box=10 * radius)
+        solved = _quadratic_program(problem, current, cuts=cuts, H=1e-3 * np.eye(n), rho=rho, box=10 * radius)
         if solved is None:
             continue
         for shorter in (1.0, 0.5, 0.25, 0.1, 0.03):
             tried = problem.evaluate(np.clip(current.x + shorter * solved[0], low, high))
             if tried.merit(rho) < current.merit(rho):
-                current, _ = lengthen_step(problem, current, tried=tried, d=shorter * solved[0], rho=rho)
+                current, _ = _lengthen_step(problem, current, tried=tried, d=shorter * solved[0], rho=rho)
                 break
     return current
 
 
-def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+def _sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
     """Step by quadratic programs on the peaks, as long as they improve the merit; rho weighs the hard limits in it."""
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)
     H, box = 0.1 * np.eye(n), 1.0
     fresh = True
-    for _ in range(N_SQP):
+    for _ in range(_N_SQP):
         cuts: list[tuple[Peak, np.ndarray]] = []
         accepted = None
         for trial in range(10):
-            solved = quadratic_program(problem, current, cuts=cuts, H=H, rho=rho, box=box)
+            solved = _quadratic_program(problem, current, cuts=cuts, H=H, rho=rho, box=box)
             if solved is None:
                 break
             d, predicted, multipliers = solved
@@ -273,30 +273,30 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
                 accepted = (d, tried, multipliers, predicted)
                 break
             if tried.stable and trial < 4:
-                cuts += cuts_of_trial(current, tried, d)
+                cuts += _cuts_of_trial(current, tried, d)
             else:
                 box = min(box, float(np.abs(d).max())) / 3
         if accepted is None:
             break
         d, tried, multipliers, predicted = accepted
-        tried, d = lengthen_step(problem, current, tried=tried, d=d, rho=rho)
+        tried, d = _lengthen_step(problem, current, tried=tried, d=d, rho=rho)
         problem.report(tried)
         s = tried.x - current.x
-        y = lagrangian_change(current, tried, multipliers)
-        H = damped_update(H, s, y=y, fresh=fresh)
+        y = _lagrangian_change(current, tried, multipliers)
+        H = _damped_update(H, s, y=y, fresh=fresh)
         fresh = False
         gained = current.merit(rho) - tried.merit(rho)
-        current = evaluate_at_exact_peaks(problem, tried)
+        current = _evaluate_at_exact_peaks(problem, tried)
         if float(np.abs(d).max()) > 0.9 * box:
             box = min(3.0, 2 * box)
         if gained < 1e-6 * max(1.0, abs(current.merit(rho)) * 1e-2):
             break
-        if is_done(current, current) and not any(not peak.hard for peak in current.peaks):
+        if _is_done(current, current) and not any(not peak.hard for peak in current.peaks):
             break
     return current
 
 
-def lengthen_step(
+def _lengthen_step(
     problem: TuningProblem, current: Evaluation, *, tried: Evaluation, d: np.ndarray, rho: float
 ) -> tuple[Evaluation, np.ndarray]:
     """Return the step doubled as long as the merit falls nearly as steeply."""
@@ -308,9 +308,9 @@ def lengthen_step(
     return tried, d
 
 
-def cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
+def _cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
     """Return peaks of a failed trial as rows of the next program, lowered so that they hold where the step begins."""
-    highest, rows = highest_levels(current), []
+    highest, rows = _highest_levels(current), []
     for peak in tried.peaks:
         if np.isfinite(peak.gradient).all():
             level = min(peak.level - float(peak.gradient @ d), highest.get((peak.limit, peak.plant), np.inf))
@@ -318,7 +318,7 @@ def cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list
     return rows
 
 
-def quadratic_program(
+def _quadratic_program(
     problem: TuningProblem,
     current: Evaluation,
     *,
@@ -338,7 +338,7 @@ def quadratic_program(
     groups = sorted({(peak.limit, peak.plant) for peak, _ in peaks if peak.hard})
     low = np.maximum(problem.controller.lower - current.x, -box)
     high = np.minimum(problem.controller.upper - current.x, box)
-    A, b = linear_constraints(current, peaks, groups)
+    A, b = _linear_constraints(current, peaks, groups)
     edges = np.hstack([np.vstack([np.eye(n), -np.eye(n)]), np.zeros((2 * n, A.shape[1] - n))])
     P = np.zeros((A.shape[1], A.shape[1]))
     P[:n, :n] = (H + H.T) / 2
@@ -349,12 +349,12 @@ def quadratic_program(
     if failed:
         return None
     d = np.clip(x[:n], low, high)
-    after = model_merit(peaks, d, groups=groups, rho=rho)
-    predicted = model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
+    after = _model_merit(peaks, d, groups=groups, rho=rho)
+    predicted = _model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
     return d, float(predicted), [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks) if z[k] > 1e-9]
 
 
-def linear_constraints(
+def _linear_constraints(
     current: Evaluation, peaks: list[tuple[Peak, float]], groups: list[tuple[int, int]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return A, b of A (d, t, e) <= b: the peaks in their order, t where no peak bounds it, e, and the poles."""
@@ -382,7 +382,7 @@ def linear_constraints(
     return np.array([one for one, _ in rows]), np.array([right for _, right in rows])
 
 
-def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:
+def _model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:
     """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus rho violations.
 
     peaks are with their levels, groups are (limit, plant) of the hard limits.
@@ -399,18 +399,18 @@ def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[
     return total
 
 
-def lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]) -> np.ndarray:
+def _lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]) -> np.ndarray:
     """Return the change of the Lagrangian's slope over a step, each peak against the nearest of its limit and plant."""
     change = np.zeros(current.x.size)
     for peak, weight in multipliers:
         same = [one for one in tried.peaks if (one.limit, one.plant) == (peak.limit, peak.plant)]
         if same:
-            nearest = min(same, key=lambda one: frequency_distance(one.omega, peak.omega))
+            nearest = min(same, key=lambda one: _frequency_distance(one.omega, peak.omega))
             change += weight * (nearest.gradient - peak.gradient)
     return change
 
 
-def frequency_distance(one: float, other: float) -> float:
+def _frequency_distance(one: float, other: float) -> float:
     """Return the distance of two frequencies, zero and infinity being near nothing else."""
     if one == other:
         return 0.0
@@ -419,7 +419,7 @@ def frequency_distance(one: float, other: float) -> float:
     return abs(float(np.log(one / other)))
 
 
-def damped_update(H: np.ndarray, s: np.ndarray, *, y: np.ndarray, fresh: bool) -> np.ndarray:
+def _damped_update(H: np.ndarray, s: np.ndarray, *, y: np.ndarray, fresh: bool) -> np.ndarray:
     """BFGS update that keeps H positive definite (Powell 1978)."""
     if not s.any() or not np.isfinite(y).all():
         return H

@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
-COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
+_COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
 
 
 @value
@@ -73,11 +73,11 @@ class Controller:
                 if along is not None:
                     numbers = {key: array.astype(complex) for key, array in numbers.items()}
                 for i, parameter in enumerate(own):
-                    step = 1j * COMPLEX_STEP if along == k + i else 0.0
+                    step = 1j * _COMPLEX_STEP if along == k + i else 0.0
                     numbers[parameter.name][parameter.index] = parameter.from_coordinate(x[k + i] + step)
                 numbers = {key: array if array.ndim else array[()] for key, array in numbers.items()}
                 parts = block.state_space(numbers, self.dt)
-                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / COMPLEX_STEP for part in parts)
+                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / _COMPLEX_STEP for part in parts)
                 s, o, i_ = slice(state, state + n), slice(row, row + p), slice(column, column + m)
                 M[s, s], M[s, i_], M[o, s], M[o, i_] = A, B, C, D
             state, row, column, k = state + n, row + p, column + m, k + len(own)

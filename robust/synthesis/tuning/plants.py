@@ -31,7 +31,7 @@ from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 #: A plant as a user gives it.
 PlantModel: TypeAlias = "AnySystem | UncertaintyModel | Bla"
 #: Stands for a radius that is infinite: its square is still a number.
-UNBOUNDED_GAIN = 1e30
+_UNBOUNDED_GAIN = 1e30
 
 
 @value(kw_only=False)
@@ -88,7 +88,7 @@ class Plants:
             shape = (model.noutputs, model.ninputs)
             if not np.isfinite(model.frdata).all():
                 raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
-        elif is_single_set(model):
+        elif _is_single_set(model):
             shape = (1, 1)
         else:
             system = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
@@ -161,38 +161,38 @@ class MeasuredPlant:
 def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
     """Return every plant behind hold and delay, with its set where a limit asks for it."""
     return [
-        see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
+        _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
         for k, model in enumerate(plants.models)
     ]
 
 
-def see_plant(
+def _see_plant(
     name: str, model: PlantModel, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
     """One plant behind hold and delay."""
     if worst:
-        require_set(name, model)
+        _require_set(name, model)
     if is_known_on_lines(model):
-        return see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
-    if is_single_set(model):
-        return see_single_set(name, model, dt=dt, delay=delay, worst=worst)
+        return _see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
+    if _is_single_set(model):
+        return _see_single_set(name, model, dt=dt, delay=delay, worst=worst)
     if isinstance(model, UncertaintyModel) and worst and dt and not timebase(model.nominal):
         warn_of_unknown_hold(model, dt)
         model, delay = sampled_set(model, dt, delay).model, 0.0
     G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
-    G, lines = behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
+    G, lines = _behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
     if isinstance(model, UncertaintyModel) and worst:
         return ModelledPlant(
             system=G,
             lines=lines,
-            perturbation=perturbation_of_matrices(model),
+            perturbation=_perturbation_of_matrices(model),
             blocks=tuple(model.structure),
             set_systems=(*model.left, *model.right),
         )
     return ModelledPlant(system=G, lines=lines)
 
 
-def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
+def _see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
     """Return a set of one channel behind hold and delay."""
     loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
     if loop.dt:
@@ -202,7 +202,7 @@ def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: floa
             f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
             "continuous one. Take sampled(nominal, dt), or another form"
         )
-    perturbation = perturbation_of_disc(loop) if worst else None
+    perturbation = _perturbation_of_disc(loop) if worst else None
     if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
         raise ValueError(
             f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
@@ -212,7 +212,7 @@ def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: floa
     return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation, set_systems=systems)
 
 
-def behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay: float) -> control.StateSpace:
+def _behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay: float) -> control.StateSpace:
     """Return a system on the time base of the design."""
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
@@ -238,12 +238,12 @@ def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: flo
     return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
 
-def is_single_set(model: object) -> TypeGuard[UncertaintyModel]:
+def _is_single_set(model: object) -> TypeGuard[UncertaintyModel]:
     """Return whether it is an uncertainty model of one input and one output."""
     return isinstance(model, UncertaintyModel) and model.is_single
 
 
-def require_set(name: str, model: object) -> None:
+def _require_set(name: str, model: object) -> None:
     """Refuse a plant without a set around it, for a worst case."""
     if isinstance(model, UncertaintyModel) or is_single(model):
         return
@@ -253,7 +253,7 @@ def require_set(name: str, model: object) -> None:
     )
 
 
-def perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
+def _perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
     """Return the set of one channel as `check` has it: of a continuous set under a clock with all aliases."""
     row = FORMS[loop.form]
 
@@ -262,23 +262,23 @@ def perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
         G = loop.plant_response(omega)
         if loop.aliases is not None:
             radius = loop.aliases.sampled_radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
-            return disc_around(np.zeros(omega.size), np.where(np.isfinite(radius), radius, UNBOUNDED_GAIN))
+            return _disc_around(np.zeros(omega.size), np.where(np.isfinite(radius), radius, _UNBOUNDED_GAIN))
         W = np.ones(omega.size, complex)
         if row.depends_on_units:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
-        return disc_of_form(loop.form, response(loop.weight, omega), G=np.where(np.isfinite(G), G, 1e140), W=W)
+        return _disc_of_form(loop.form, response(loop.weight, omega), G=np.where(np.isfinite(G), G, 1e140), W=W)
 
     return at
 
 
-def disc_of_form(form: str, w: np.ndarray, *, G: np.ndarray, W: np.ndarray) -> Perturbation:
+def _disc_of_form(form: str, w: np.ndarray, *, G: np.ndarray, W: np.ndarray) -> Perturbation:
     """Return the disc (G + g Delta)/(1 + a Delta) of a form with weight w."""
     row, one = FORMS[form], np.ones_like(G)
     scaled = W * G if row.depends_on_units else G
-    return disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W)))
+    return _disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W)))
 
 
-def disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
+def _disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
     """Return the perturbation of (G + g Delta)/(1 + a Delta): it adds -a Delta u to the plant input, g Delta u to y."""
     return Perturbation(
         reads=np.ones((a.size, 1, 1), complex), drives=np.stack([-a, g], axis=1)[:, :, None].astype(complex)
@@ -287,17 +287,17 @@ def disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
 
 def is_bounded(perturbation: Perturbation) -> np.ndarray:
     """Return (W,) whether the set is bounded: not at a pole on the axis, where its neighbours count."""
-    return np.abs(perturbation.drives).max(axis=(1, 2)) < UNBOUNDED_GAIN
+    return np.abs(perturbation.drives).max(axis=(1, 2)) < _UNBOUNDED_GAIN
 
 
-def perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
+def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
     """Return the set of a model of several channels, in its own form."""
     require_record_form(model, "to tune a controller for its perturbations (dk_iteration takes every form)")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     elements = model.form == ELEMENTS  # column i of G after the other, as in `UncertaintyModel.open_loop`
     reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
     acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
-    left, right = stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt), stacked(model.right, dt)
+    left, right = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt), _stacked(model.right, dt)
     at_input = model.form == INPUT
     acts = np.vstack([acts, np.zeros((n_y, n_u))] if at_input else [np.zeros((n_u, acts.shape[1])), acts])
 
@@ -309,7 +309,7 @@ def perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], 
     return at
 
 
-def stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
+def _stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
     """Return weights above each other, of one input: evaluated together they cost little more than one."""
     together = block_diagonal(list(weights), dt)
     ones = np.ones((len(weights), 1))
@@ -318,7 +318,7 @@ def stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSp
     )
 
 
-def see_measured(
+def _see_measured(
     name: str, model: PlantModel, *, n_unstable: int, dt: float, delay: float, worst: bool
 ) -> MeasuredPlant:
     """Return an FRF on its lines."""
@@ -352,7 +352,7 @@ def see_measured(
     measured, W = (np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W))
     size = np.ones(ours.size) if FORMS[form].vanishes_with_plant else np.abs(ours)
     w = np.concatenate([radius_below(omega, np.abs(w) / size[n:]) * size[:n], w])
-    perturbation = disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
+    perturbation = _disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
     return MeasuredPlant(
         omega=np.concatenate([low.omega, omega]),
         G=ours[None, None],

@@ -16,9 +16,9 @@ from robust.synthesis.tuning.parameters import Controller
 #: What hard limits are kept under, relative: what is met to rounding is then met.
 HARD_LIMIT_MARGIN = 1e-5
 #: Poles that are looked at beside the one that decides.
-N_POLES = 4
-FIXED_MODE_TOLERANCE = 1e-6  # relative distance from a pole that nothing moves
-STABILITY_TOLERANCE = 1e-9  # of the largest pole: real part from which on a pole that nothing moves is refused
+_N_POLES = 4
+_FIXED_MODE_TOLERANCE = 1e-6  # relative distance from a pole that nothing moves
+_STABILITY_TOLERANCE = 1e-9  # of the largest pole: real part from which on a pole that nothing moves is refused
 
 
 class OutOfTime(Exception):
@@ -26,7 +26,7 @@ class OutOfTime(Exception):
 
 
 @value(copy=False)
-class PoleRow:
+class _PoleRow:
     """Real part of a pole in s, plus the decay asked for [rad/s], and its slope over the coordinates."""
 
     excess: float
@@ -51,7 +51,7 @@ class Evaluation:
 
     x: np.ndarray
     excess: float
-    poles: list[PoleRow]
+    poles: list[_PoleRow]
     peaks: list[Peak]
 
     @property
@@ -137,7 +137,7 @@ class TuningProblem:
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
         slopes = self.controller.slopes(x)
-        seen = rows[:N_POLES] if pole_slopes else []
+        seen = rows[:_N_POLES] if pole_slopes else []
         pole_rows = [self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in seen]
         if not peaks or not excess < 0:
             return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=[])
@@ -174,17 +174,17 @@ class TuningProblem:
         for mode in self.fixed_modes[scene]:
             distance = np.where(left, np.abs(poles - mode), np.inf)
             k = int(np.argmin(distance))
-            if distance[k] <= FIXED_MODE_TOLERANCE * (1 + abs(mode)):
+            if distance[k] <= _FIXED_MODE_TOLERANCE * (1 + abs(mode)):
                 left[k] = False
         return np.flatnonzero(left)
 
-    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray) -> PoleRow:
+    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray) -> _PoleRow:
         """Return the slope of a pole: d pole = l dM r, carried on to s."""
         right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
         if self.dt:
             slope = slope / (1 - (loop.poles[place] * self.dt / 2) ** 2)
-        return PoleRow(excess=excess, gradient=slope.real)
+        return _PoleRow(excess=excess, gradient=slope.real)
 
     # ---- What holds for all coordinates.
 
@@ -206,7 +206,7 @@ class TuningProblem:
             for loop in loops:
                 assert loop is not None
                 distance = np.abs(open_poles[:, None] - loop.poles[None]).min(axis=1, initial=np.inf)
-                near &= distance <= FIXED_MODE_TOLERANCE / 10 * (1 + np.abs(open_poles))
+                near &= distance <= _FIXED_MODE_TOLERANCE / 10 * (1 + np.abs(open_poles))
             n_own = self.controller.n_states  # their rows in A are zero before the loop is closed
             own = np.argsort(np.abs(open_poles), kind="stable")[:n_own] if n_own else np.zeros(0, int)
             near[[place for place in own if abs(open_poles[place]) == 0]] = False
@@ -221,7 +221,7 @@ class TuningProblem:
                 assert isinstance(scene, ModelledLoop)
                 size = np.abs(np.linalg.eigvals(scene.fixed.A)).max(initial=0.0)
                 worst = modes[int(np.argmax(modes.real))]
-                if worst.real >= -STABILITY_TOLERANCE * size * 1e-3:
+                if worst.real >= -_STABILITY_TOLERANCE * size * 1e-3:
                     s = (
                         complex(np.log((1 + worst * self.dt / 2) / (1 - worst * self.dt / 2)) / self.dt)
                         if self.dt

@@ -46,11 +46,11 @@ from robust.synthesis.tuning.plants import (
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better, worst_ratio
 
 #: Signals of the perturbation, of names that nobody gives.
-AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
-ZERO_GAIN = 1e-13
+_AT_INPUT, _AT_OUTPUT, _PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
+_ZERO_GAIN = 1e-13
 #: Limits, and whether each is hard, hard ones first.
 Limits = list[tuple[Limit | FrictionLimit, bool]]
-UNMOVED_TOLERANCE = 1e-9
+_UNMOVED_TOLERANCE = 1e-9
 
 
 def tune(
@@ -165,10 +165,10 @@ def tune(
     began = time.monotonic()
     problem = TuningProblem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
     problem.find_fixed_modes(np.random.default_rng(0))
-    require_paths(problem, limits)
-    found, spread, ended = search(problem, n_starts, began + time_cap, rng)
+    _require_paths(problem, limits)
+    found, spread, ended = _search(problem, n_starts, began + time_cap, rng)
     problem.deadline = np.inf
-    return make_design(
+    return _make_design(
         problem, found, spread=spread, ended=ended, limits=limits, parts=parts, plants=plant, dt=dt, delay=delay
     )
 
@@ -208,16 +208,16 @@ def make_loops(
     scenes: list[ModelledLoop | MeasuredLoop] = []
     for k, seen in enumerate(see_plants(plants, dt, delay=delay, worst=worst)):
         if isinstance(seen, ModelledPlant):
-            G = with_perturbation(seen.system, plants, dt)
-            into, out = perturbation_names(n_u, n_y) if worst else ([], [])
+            G = _with_perturbation(seen.system, plants, dt)
+            into, out = _perturbation_names(n_u, n_y) if worst else ([], [])
             joined = join_by_name([*parts, G], ports, external=external + into, looked_at=looked_at + out)
             fixed = state_plant(joined, *sizes, dt)
-            channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
+            channels = _channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
             port = Port(reads=tuple(plants.inputs), drives=tuple(plants.outputs))
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
-            channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
+            channels = _channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(
                 MeasuredLoop(
                     k,
@@ -235,8 +235,8 @@ def make_loops(
             continue
         for machine in limit.machines:
             seen = see_machine(machine, plants, dt=dt, delay=delay)
-            G = with_perturbation(seen.system, plants, dt)
-            into, _ = perturbation_names(1, 1)
+            G = _with_perturbation(seen.system, plants, dt)
+            into, _ = _perturbation_names(1, 1)
             joined = join_by_name(
                 [*parts, G], ports, external=external + into, looked_at=looked_at + list(plants.outputs)
             )
@@ -254,16 +254,16 @@ def make_loops(
     return scenes
 
 
-def perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
+def _perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
     """Return signals through which a perturbation acts, and those it reads."""
-    into = [f"{AT_INPUT}{i}" for i in range(n_u)] + [f"{AT_OUTPUT}{j}" for j in range(n_y)]
-    return into, [f"{PLANT_INPUT}{i}" for i in range(n_u)]
+    into = [f"{_AT_INPUT}{i}" for i in range(n_u)] + [f"{_AT_OUTPUT}{j}" for j in range(n_y)]
+    return into, [f"{_PLANT_INPUT}{i}" for i in range(n_u)]
 
 
-def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
+def _with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
     """Return the plant with disturbances at inputs and outputs, and its input as an output, for a perturbation."""
     n_u, n_y = G.ninputs, G.noutputs
-    into, out = perturbation_names(n_u, n_y)
+    into, out = _perturbation_names(n_u, n_y)
     one, zero = np.eye(n_u), np.zeros((n_u, n_y))
     return control.StateSpace(
         G.A,
@@ -277,7 +277,7 @@ def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> contr
     )
 
 
-def channels_of(
+def _channels_of(
     limits: Limits,
     external: list[str],
     *,
@@ -302,13 +302,13 @@ def channels_of(
     ]
 
 
-def limit_name(k: int, limits: Limits) -> str:
+def _limit_name(k: int, limits: Limits) -> str:
     """Return a limit as the user gave it."""
     n_hard = sum(is_hard for _, is_hard in limits)
     return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
 
 
-def require_paths(problem: TuningProblem, limits: Limits) -> None:
+def _require_paths(problem: TuningProblem, limits: Limits) -> None:
     """Refuse a limit on a channel that is zero whatever the blocks are, and a bound that has no value somewhere."""
     controller = problem.controller
     rng = np.random.default_rng(1)
@@ -335,9 +335,9 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
                 responses.append(None if loop is None else loop.responses_by_elimination(omega))
         for channel in scene.channels:
             size = [np.abs(H[:, channel.rows[:, None], channel.columns]).max() for H in responses if H is not None]
-            if size and max(size) <= ZERO_GAIN:
+            if size and max(size) <= _ZERO_GAIN:
                 raise ValueError(
-                    f"{limit_name(channel.index, limits)} must be on a channel that something goes through, got "
+                    f"{_limit_name(channel.index, limits)} must be on a channel that something goes through, got "
                     f"{channel.limit}, which is zero whatever the blocks are"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
@@ -347,15 +347,15 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
                 and not any(scene.band(channel) & scene.plant.on_lines)
             ):
                 raise ValueError(
-                    f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
-                    f"from {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
+                    f"{_limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got "
+                    f"none from {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
                 )
 
 
 # ---- The search from several starts.
 
 
-def search(
+def _search(
     problem: TuningProblem, n_starts: int, deadline: float, rng: np.random.Generator
 ) -> tuple[Evaluation | None, list[float], Ended]:
     """Return the best of several starts, what each reached, and why it ended."""
@@ -371,7 +371,7 @@ def search(
         problem.deadline = time.monotonic() + left / (n_starts - k)
         problem.best = None
         try:
-            x = starting_point(problem, k, rng)
+            x = _starting_point(problem, k, rng)
             if x is None:
                 spread.append(np.inf)
                 continue
@@ -383,7 +383,7 @@ def search(
             current = problem.evaluate(current.x)
             problem.report(current)
             if best is None:
-                require_movable_limits(problem, current)
+                _require_movable_limits(problem, current)
             found = minimise_from(problem, current)
         except (OutOfTime, KeyboardInterrupt) as stop:
             ended = Ended.INTERRUPTED if isinstance(stop, KeyboardInterrupt) else Ended.OUT_OF_TIME
@@ -401,7 +401,7 @@ def search(
     return best if best is not None else last, spread, ended
 
 
-def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
+def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
     """Return coordinates of a start: the user's, then random ones; with an FRF one that stabilises it, or None."""
     controller = problem.controller
     measured = [scene for scene in problem.scenes if isinstance(scene, MeasuredLoop)]
@@ -431,10 +431,10 @@ def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> 
     return None
 
 
-def require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
+def _require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
     """Refuse hard limits that are missed and that no block changes."""
     for peak in current.excesses.values():
-        if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < UNMOVED_TOLERANCE:
+        if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < _UNMOVED_TOLERANCE:
             limit = next(c.limit for c in problem.scenes[peak.plant].channels if c.index == peak.limit)
             elsewhere = np.clip(current.x + 0.1, problem.controller.lower, problem.controller.upper)
             other = problem.evaluate(elsewhere)
@@ -451,7 +451,7 @@ def require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
 # ---- What is said of the design in the end: everything looked at again, more closely.
 
 
-def make_design(
+def _make_design(
     problem: TuningProblem,
     found: Evaluation | None,
     *,
@@ -478,12 +478,12 @@ def make_design(
                     ratio=look.ratio,
                     omega=omega,
                     n_lines=look.n_lines,
-                    **limit_curves(problem, k, limit=index, x=x),
+                    **_limit_curves(problem, k, limit=index, x=x),
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
     excess = np.inf if found is None else found.excess - problem.decay
-    stable = bool(values) and is_surely_stable(problem, x)
+    stable = bool(values) and _is_surely_stable(problem, x)
     found_design = TunedDesign(
         blocks=problem.controller.blocks_at(x),
         met=bool(values) and stable and all(one.met for one in values if one.hard),
@@ -492,8 +492,8 @@ def make_design(
         excess=float(excess),
         ended=ended,
         spread=tuple(spread),
-        at_bounds=tuple(parameters_at_bounds(problem.controller, x)),
-        not_asked=tuple(describe_unlimited(problem.controller, limits, plants)),
+        at_bounds=tuple(_parameters_at_bounds(problem.controller, x)),
+        not_asked=tuple(_describe_unlimited(problem.controller, limits, plants)),
         n_evaluated=problem.n_evaluated,
         system=tuple(parts),
         plant=plants,
@@ -501,11 +501,11 @@ def make_design(
         delay=delay,
     )
     worst = any(isinstance(limit, Limit) and limit.worst for limit, _ in limits)
-    broken = find_broken_sets(found_design) if worst and found_design.met else ()
+    broken = _find_broken_sets(found_design) if worst and found_design.met else ()
     return replace(found_design, met=found_design.met and not broken, broken_sets=broken)
 
 
-def find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
+def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
     """Say of which plants the set is not stable with the controller as a whole, by `worst_case`."""
     K = design.controller(design.plant.outputs, design.plant.inputs)
     found = []
@@ -520,7 +520,7 @@ def find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
     return tuple(found)
 
 
-def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+def _limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
     """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
@@ -536,7 +536,7 @@ def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarra
     }
 
 
-def is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
+def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
     """Return whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
     M = problem.controller.matrix(x)
     for scene in problem.scenes:
@@ -549,12 +549,12 @@ def is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
         closed = control.StateSpace(*matrices, problem.dt, remove_useless_states=False)
         if not assess_stability(closed).stable:
             return False
-        if problem.decay and not has_decay(closed, problem, scene.index):
+        if problem.decay and not _has_decay(closed, problem, scene.index):
             return False
     return True
 
 
-def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
+def _has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
     """Return whether every pole that a block moves decays as asked for."""
     poles, _ = poles_with_rounding(closed)
     real, image = to_s_plane(poles, problem.dt).real, poles
@@ -564,14 +564,14 @@ def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) ->
     return bool(np.all(real[moved] <= -problem.decay * (1 - 1e-6)))
 
 
-def parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
+def _parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
     """Return parameters that ended at a bound."""
     width = controller.upper - controller.lower
     near = np.minimum(x - controller.lower, controller.upper - x) < 1e-4 * width
     return [label for label, at in zip(controller.labels, near, strict=True) if at]
 
 
-def describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
+def _describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
     """Return what no limit asks for, in words for people."""
     found = []
     integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]

@@ -26,7 +26,7 @@ from robust.mu.gain import gain_bound
 from robust.mu.scalings import conjugate_transpose, upper
 
 #: Distance 1 - |N11|^2 below which the worst case goes on as a tangent, so that a start outside has a slope.
-NEAR_ONE = 1e-6
+_NEAR_ONE = 1e-6
 #: A second singular value this close to the largest is a peak of its own.
 SECOND_VALUE_RATIO = 0.9
 
@@ -101,7 +101,7 @@ def disc_gain(N: np.ndarray, *, smooth: bool = False) -> np.ndarray:
     """
     product, square = N[:, 1, 0] * N[:, 0, 1], np.abs(N[:, 0, 0]) ** 2
     if smooth:
-        share = inverse_slack(square)[0]
+        share = _inverse_slack(square)[0]
         return np.abs(N[:, 1, 1] + product * N[:, 0, 0].conj() * share) + np.abs(product) * share
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.abs(N[:, 1, 1] + product * N[:, 0, 0].conj() / (1 - square)) + np.abs(product) / (1 - square)
@@ -111,9 +111,9 @@ def disc_gain(N: np.ndarray, *, smooth: bool = False) -> np.ndarray:
 def disc_slope(N: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the smooth gain of N (2, 2) and its adjoint Q: d gain = Re sum conj(Q) dN."""
     N11, product = N[0, 0], N[1, 0] * N[0, 1]
-    (share,), (slope,) = inverse_slack(np.array([abs(N11) ** 2]))
+    (share,), (slope,) = _inverse_slack(np.array([abs(N11) ** 2]))
     centre = N[1, 1] + product * np.conj(N11) * share
-    u, edge = direction(centre), direction(product)
+    u, edge = _direction(centre), _direction(product)
     of_product = (u * N11 + edge) * share
     by_share = (np.conj(u) * product * np.conj(N11)).real + abs(product)
     of_N11 = np.conj(u) * product * share + by_share * slope * 2 * N11
@@ -121,15 +121,15 @@ def disc_slope(N: np.ndarray) -> tuple[float, np.ndarray]:
     return float(abs(centre) + abs(product) * share), Q
 
 
-def direction(z: complex) -> complex:
+def _direction(z: complex) -> complex:
     """Return z/|z|, one of zero."""
     return z / abs(z) if z else 1.0
 
 
-def inverse_slack(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _inverse_slack(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return 1/(1 - a), from 1 - a = NEAR_ONE on its tangent, and the slope over a."""
-    slack = np.maximum(1 - a, NEAR_ONE)
-    return 1 / slack + np.maximum(NEAR_ONE - (1 - a), 0) / NEAR_ONE**2, 1 / slack**2
+    slack = np.maximum(1 - a, _NEAR_ONE)
+    return 1 / slack + np.maximum(_NEAR_ONE - (1 - a), 0) / _NEAR_ONE**2, 1 / slack**2
 
 
 # ---- Several perturbations, or a channel of several signals, with scalings.
@@ -163,12 +163,12 @@ def fit_scalings(omega: np.ndarray, N: np.ndarray, *, blocks: Blocks, level: np.
     """
     gain = largest_gain(N, blocks)
     level = np.where(np.isfinite(gain) & (gain > 1e-9 * level), gain, level)
-    return Scalings(omega=omega, log_d=np.log(scalings_of_mu(N, blocks, level).T))
+    return Scalings(omega=omega, log_d=np.log(_scalings_of_mu(N, blocks, level).T))
 
 
-def scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarray:
+def _scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarray:
     """Return (W, K) the scalings of least mu with the channel over `level` (W,), those of the channel being one."""
-    rows, columns = sizes_of(blocks)
+    rows, columns = _sizes_of(blocks)
     scaled = N.copy()
     scaled[:, rows:] /= level[:, None, None]
     structure = [*blocks, (N.shape[1] - rows, N.shape[2] - columns)]
@@ -188,20 +188,20 @@ def largest_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     gain = gain_bound(np.moveaxis(N, 0, 2), list(blocks))
     known = np.flatnonzero(np.isfinite(gain) & (gain > 0))
     if known.size:
-        d = scalings_of_mu(N[known], blocks, gain[known])
-        proves = scaled_square(N[known], blocks, d)[1][:, -1] < 1 - NEAR_ONE
+        d = _scalings_of_mu(N[known], blocks, gain[known])
+        proves = _scaled_square(N[known], blocks, d)[1][:, -1] < 1 - _NEAR_ONE
         gain[known] = np.where(proves, np.minimum(scaled_gain(N[known], blocks, d), gain[known]), gain[known])
     return gain
 
 
-def sizes_of(blocks: Blocks) -> tuple[int, int]:
+def _sizes_of(blocks: Blocks) -> tuple[int, int]:
     """Return rows and columns of N that belong to the perturbation."""
     return sum(block[0] for block in blocks), sum(block[1] for block in blocks)
 
 
-def scaled_square(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _scaled_square(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return D N D^-1 (W, ., .), and eigenvalues and eigenvectors of the part of its square that Delta closes."""
-    rows, columns = sizes_of(blocks)
+    rows, columns = _sizes_of(blocks)
     left, right = (np.repeat(d, [block[k] for block in blocks], axis=1) for k in (0, 1))
     scaled = N.copy()
     scaled[:, :rows] *= left[:, :, None]
@@ -213,11 +213,11 @@ def scaled_square(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> tuple[np.ndar
 
 def scaled_gain(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> np.ndarray:
     """Return (W,) the bound on the gain with scalings d (W, K), carried on where they prove none."""
-    scaled, a, V = scaled_square(N, blocks, d)
+    scaled, a, V = _scaled_square(N, blocks, d)
     columns = a.shape[1]
     outer = scaled[:, :, columns:]
     across = conjugate_transpose(V) @ conjugate_transpose(scaled[:, :, :columns]) @ outer
-    share = inverse_slack(a)[0]
+    share = _inverse_slack(a)[0]
     B = conjugate_transpose(outer) @ outer + conjugate_transpose(across) @ (share[:, :, None] * across)
     return np.sqrt(np.maximum(np.linalg.eigvalsh(B)[:, -1], 0.0))
 
@@ -228,11 +228,11 @@ def scaled_slopes(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> list[tuple[fl
     With A = (D N D^-1)^H D N D^-1 the square of the gain is v^H (A22 + A21 f(A11) A12) v, where f is 1/(1 - a) on the
     eigenvalues of A11. Its differential is tr(T dA), by Daleckii and Krein.
     """
-    scaled, values, vectors = (each[0] for each in scaled_square(N[None], blocks, d[None]))
+    scaled, values, vectors = (each[0] for each in _scaled_square(N[None], blocks, d[None]))
     columns = values.size
     outer = scaled[:, columns:]
     across = vectors.conj().T @ scaled[:, :columns].conj().T @ outer
-    share, slope = inverse_slack(values)
+    share, slope = _inverse_slack(values)
     distance = values[:, None] - values
     with np.errstate(divide="ignore", invalid="ignore"):
         quotients = np.where(
