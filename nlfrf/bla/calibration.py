@@ -113,7 +113,8 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     Low-crest signals excite less distortion. A low crest factor is either luck or the result of optimisation; both
     bias the level low. For a cubic the ratio is known exactly. With few lines, or a crest factor lower than usual, its
     square allows for a fifth power. The ratio is clipped at `_MAX_DISTORTION_RATIO`, the share at
-    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is another, and a nearly square input would ask for a factor without bound.
+    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is another, and a nearly square input would ask for a factor
+    without bound.
 
     Parameters
     ----------

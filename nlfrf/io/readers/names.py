@@ -278,9 +278,9 @@ class ColumnName(NamedTuple):
     """What the name of a column says: its quantity, and how it is meant.
 
     The quantity is one of `_QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of
-    a standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which power
-    of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that stand
-    in no table, hence names of a thing, or words that must not be ignored.
+    a standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which
+    power of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that
+    stand in no table, hence names of a thing, or words that must not be ignored.
     """
 
     quantity: str = ""
