@@ -73,7 +73,7 @@ HEAVY = {
     "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.reports.parts",
     "jsonschema": "nlfrf._base.files",
-    "flint": "robust.proofs.exact robust.friction.exact robust.models.sets.membership",
+    "flint": "robust.proofs.exact robust.friction.exact robust.models.sets.membership robust.mu.pieces",
     "anywidget": "robust.reports.shaping_page.widget",
     "traitlets": "robust.reports.shaping_page.widget",
     "pandas": "nlfrf.io.readers.tables",
