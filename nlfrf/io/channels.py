@@ -402,7 +402,7 @@ class _Reader(NamedTuple):
 _TEXT_READER = _Reader(tables.contents, extra="csv")
 _HDF5_READER = _Reader(hdf5, extra="hdf5")
 _MDF_READER = _Reader(mdf, extra="mdf")
-_TWINCAT = _Reader(twincat, extra="twincat")
+TWINCAT = _Reader(twincat, extra="twincat")
 READERS = {
     ".mat": _Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": _Reader(npz.contents),
@@ -512,7 +512,7 @@ def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
         if start.startswith(b"MDF "):  # its older versions are called .dat
             return _MDF_READER
         if twincat.is_export(start):
-            return _TWINCAT
+            return TWINCAT
     return reader
 
 

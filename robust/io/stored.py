@@ -24,7 +24,7 @@ from robust.models.sets.model import UncertaintyModel
 _CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
 
 
-def _save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
+def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
     """Write a model, a controller, or the certificate of what was proved."""
     if isinstance(thing, _CONTROLLERS):
         save_controller(thing, path, delay=delay, unit=unit)
@@ -51,7 +51,7 @@ def _save_json(thing: object, path: PathLike, *, delay: float | None, unit: str)
         )
 
 
-def _load_json(path: PathLike) -> object:
+def load_json(path: PathLike) -> object:
     """Read a model, a controller or the claim of a certificate, by the schema in the file."""
     schema = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, *CERTIFICATE_SCHEMAS)["schema"]
     if schema not in CERTIFICATE_SCHEMAS:

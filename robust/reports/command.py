@@ -80,7 +80,7 @@ def _read_frf(
         raise ValueError(f"{error}; {way}") from None
 
 
-def _with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
+def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
     """Return a record whose file says no units with those of the first BLA of the same channels."""
     same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
     if not same or any(record.input_units + record.output_units):
@@ -88,7 +88,7 @@ def _with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Rec
     return replace(record, input_units=same[0].input_units, output_units=same[0].output_units)
 
 
-def _fit_nominal_model(
+def fit_nominal_model(
     blas: nlfrf.Bla | list[nlfrf.Bla],
     *,
     n_poles: int | None,
@@ -148,7 +148,7 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
             warnings.warn(
                 f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
             )
-        delay = (stored or 0.0) if given is None else _require_delay(given, K.dt)
+        delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
                 f"{path} was designed for a computation delay of {stored:g} s, and --delay says {delay:g} s: the "
@@ -160,7 +160,7 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
     return loops
 
 
-def _require_delay(delay: float, dt: float) -> float:
+def require_delay(delay: float, dt: float) -> float:
     """Return a computation delay [s], or a refusal where it is one in milliseconds, by the sampling time [s]."""
     require_nonnegative("delay", delay)
     if dt and delay > _MAX_DELAY_SAMPLES * dt:
@@ -171,7 +171,7 @@ def _require_delay(delay: float, dt: float) -> float:
     return delay
 
 
-def _load_single_model(path: Path) -> UncertaintyModel:
+def load_single_model(path: Path) -> UncertaintyModel:
     """Return the model of one input and output in a file, for a command that takes no other."""
     model = load_model(path)
     if has_several_channels(model):
@@ -182,7 +182,7 @@ def _load_single_model(path: Path) -> UncertaintyModel:
     return model
 
 
-def _demand_weight(
+def demand_weight(
     model: UncertaintyModel, bandwidth: float | None, peak: float, error: float
 ) -> control.StateSpace | None:
     """Return the performance weight for a bandwidth [Hz], on the time base of a matrix; None without a bandwidth."""
@@ -192,7 +192,7 @@ def _demand_weight(
     return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
 
 
-def _signals_from_options(
+def signals_from_options(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
     """Return the signals that the options name: a height, two rms, the end of a band [Hz]; None without one."""
@@ -207,14 +207,14 @@ def _signals_from_options(
     return LoopSignals(reference=reference, disturbance=disturbance_noise, noise=measurement_noise)
 
 
-def _model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
+def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
     """Return a model as `robust model` draws it."""
     from robust import plot
 
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_set(one, blas, ax=ax), model)]
 
 
-def _check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
+def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
     """Return a check as `robust check` draws it."""
     from robust import plot
 
@@ -224,7 +224,7 @@ def _check_pictures(model: UncertaintyModel, K: control.StateSpace, report: Robu
     return [(plot.plot_loop, report), (plot.plot_check, report)]
 
 
-def _write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
+def write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
     """Write a report, and next to it a verified certificate of what was proved."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)

@@ -40,6 +40,10 @@ def imported(path, tree):
                 yield base, alias.name, alias.asname or alias.name
 
 
+#: Modules that are imported where they are used, under any name: each attribute there may be one of a module.
+LATE = ("lazy_loader.load(", "import_module(", "sys.modules[", "reader.contents", "import_extra(")
+
+
 def reached(tree, modules):
     """Yield (module, name) of each attribute of a module; modules: alias -> module."""
     for node in ast.walk(tree):
@@ -48,22 +52,6 @@ def reached(tree, modules):
             base = modules.get(head, head) + (f".{rest}" if rest else "")
             if base in MODULES:
                 yield base, node.attr
-
-
-def uses():
-    """Return (module, name) -> files that import a name of a module, reach it as an attribute, or name it in a text."""
-    found = {}
-    for path, tree in FILES.items():
-        names = list(imported(path, tree))
-        joined = {alias: f"{base}.{name}".lstrip(".") for base, name, alias in names}
-        texts = re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", path.read_text(encoding="utf-8"))
-        pairs = [(base, name) for base, name, _ in names] + list(reached(tree, joined))
-        for pair in [*pairs, *(tuple(text.rpartition(".")[::2]) for text in texts)]:
-            found.setdefault(pair, set()).add(path)
-    return found
-
-
-USES = uses()
 
 
 def is_command(node):
@@ -80,6 +68,29 @@ def top_level(tree):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             leaves = [leaf.id for target in targets for leaf in ast.walk(target) if isinstance(leaf, ast.Name)]
             yield from (name for name in leaves if name.strip("_").isupper() and len(name.strip("_")) > 1)
+
+
+DEFINED = {module: set(top_level(INSIDE[path])) for module, path in MODULES.items()}
+
+
+def uses():
+    """Return (module, name) -> files that import a name of a module, reach it as an attribute, or name it in a text."""
+    found = {}
+    for path, tree in FILES.items():
+        names = list(imported(path, tree))
+        joined = {alias: f"{base}.{name}".lstrip(".") for base, name, alias in names}
+        text = path.read_text(encoding="utf-8")
+        texts = re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)
+        late = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        late = late if any(word in text for word in LATE) else set()
+        found_late = [(module, name) for module in MODULES for name in late & DEFINED[module]]
+        pairs = [(base, name) for base, name, _ in names] + list(reached(tree, joined))
+        for pair in [*pairs, *found_late, *(tuple(text.rpartition(".")[::2]) for text in texts)]:
+            found.setdefault(pair, set()).add(path)
+    return found
+
+
+USES = uses()
 
 
 def test_a_name_without_underscore_is_used_outside_its_module():

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read columns of numbers by name; moments as seconds since the first; missing numbers are nan.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.

@@ -31,7 +31,7 @@ _SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("sl
 _COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes; attribute texts.
 
     Long datasets are returned unread, to be read a block at a time; so the file stays open as long as they exist. This

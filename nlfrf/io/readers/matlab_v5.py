@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read arrays by name, units and clocks; "#subsystem#" in the notes says that the file holds MATLAB objects."""
     from scipy.io import loadmat
 

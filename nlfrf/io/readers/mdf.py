@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read channels by name (``group.name`` where several groups have it), each with the times of its group.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package. An MDF file can

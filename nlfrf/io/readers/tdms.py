@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read channels as ``group.channel``, with their units and the step of their waveforms.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package. The file is

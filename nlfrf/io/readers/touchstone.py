@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read S11, S21, ... as they stand in the file, each with its frequencies [Hz].
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.

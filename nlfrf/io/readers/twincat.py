@@ -21,7 +21,7 @@ def is_export(start: bytes) -> bool:
     return _EXPORT_HEAD.match(start) is not None
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read channels by name, each with its unit and its own time axis [ms].
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.

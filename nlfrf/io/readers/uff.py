@@ -17,7 +17,7 @@ Dataset: TypeAlias = dict[str, Any]  # one of the file, by the names that pyuff 
 _AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read time records by the names of their points, else by node and direction, each with its step or its times.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.

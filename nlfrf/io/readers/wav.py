@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 
-def _contents(path: Path) -> Contents:
+def contents(path: Path) -> Contents:
     """Read channels ch1, ch2, ..., whole numbers divided by their full scale.
 
     This module is loaded by its path in a process of its own, so it imports nothing of this package.

@@ -361,12 +361,10 @@ STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
 PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
 _ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
 _MAX_EXACT_ORDER = 8
-_LARGEST_STEP, _MOST_BETWEEN = (
-    0.1,
-    20,
-)  # of ln(omega) from point to point of a fit, and the most points between two lines
+_LARGEST_STEP = 0.1  # of ln(omega) from point to point of a fit
+_MOST_BETWEEN = 20  # points between two lines
 #: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
-LEAST_IMPORTANCE = 0.1
+LEAST_IMPORTANCE = 0.03
 _MAX_MEAN_EXCESS_DB = 30.0
 _REFINEMENT = 10
 _LIFT = 1e-7  # what a parabola between the finest points could still hide

@@ -281,6 +281,9 @@ def uncertainty(
     return attach_records(model, many, recorded)
 
 
+#: Exponent of |T_c| times the radius in what an excess counts for: the larger, the more the largest alone does. With 4
+#: and with 8, 29 of 36 loops of the friction rig are robust, with 1 there are 26.
+_NEAR_LARGEST = 4.0
 #: What makes a radius of each of its parts smaller.
 _CURES = {
     "noise": "more periods average noise",
@@ -344,7 +347,9 @@ def _disc_set(
     )
     importance = None
     if not np.isnan(omega_c):  # as rs of the loop: where it is largest, an excess costs its margin
-        importance = target_loop(omega, omega_c) * absolute / np.abs(nominal_response(nominal, omega))
+        importance = (
+            target_loop(omega, omega_c) * absolute / np.abs(nominal_response(nominal, omega))
+        ) ** _NEAR_LARGEST
     weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt, importance=importance)
     return {
         "weight": checked_weight(weight, omega, absolute * factor, order=order),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import control
 
 
-def _write_from_files(
+def write_from_files(
     out: Path,
     models: list[UncertaintyModel],
     K: control.StateSpace | None,
