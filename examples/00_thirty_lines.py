@@ -33,7 +33,7 @@ print(f"BLA on {bla.f.size} lines, 95 % bound of {100 * np.median(bla.bound() / 
 # %%
 # A nominal model, and a multiplicative weight W that covers what the record leaves open: G_p = G (1 + W Delta).
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
-G, W = model.nominal, control.tf(model.weight)
+G, W = model.nominal, model.weight
 
 # %%
 # Loop shaping: an integrator that rolls off at 20 Hz, below the resonance at 60 Hz; a gain for a crossover at 4 Hz.

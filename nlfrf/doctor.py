@@ -69,7 +69,7 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
     other = None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
     faults += [other] if other else []
     if not faults:  # what follows imports the packages
-        faults = [*find_wrong_algebra(), *_find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
+        faults = [*find_wrong_algebra(), *find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
     return rows, faults
 
 
@@ -195,7 +195,7 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
     return [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"] if wrong else []
 
 
-def _find_cache_fault() -> list[str]:
+def find_cache_fault() -> list[str]:
     """Return a line where numba may keep its compiled code nowhere, without which it refuses to compile."""
     try:
         import_module("nlfrf.rig.kernels.leuven")
@@ -272,12 +272,12 @@ def _is_damaged(home: Path) -> bool:
     return base64.urlsafe_b64encode(digest).rstrip(b"=").decode() != first.hash.value
 
 
-def _nlfrf_command() -> None:
+def nlfrf_command() -> None:
     """Run the command `nlfrf`, or print one line that names the file that hides a module it needs."""
     _run_or_explain("nlfrf")
 
 
-def _robust_command() -> None:
+def robust_command() -> None:
     """Run the command `robust`, or print one line that names the distribution or file in its way."""
     _exit_with_line("robust", _hiding_files_on_path("robust"))
     _run_or_explain("robust", _find_name_conflict)

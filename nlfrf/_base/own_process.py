@@ -24,14 +24,14 @@ from typing import IO
 
 import numpy as np
 
-_SECONDS, _PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
+SECONDS, _PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
 #: Bytes that what is read from a file may take: a base, and so many times the size of the file. Noise of 16 bits
 #: compresses 4 times as float64, a CSV of one digit a cell takes 4 times its size; constants have the base.
 UNPACKED, FACTOR = 1 << 30, 20
 MEMORY_LIMIT = (
     4 << 30
 )  # bytes of address space that a process of its own may have instead of UNPACKED, with its libraries
-_BLOCK_BYTES = 1 << 20  # bytes handed over at a time
+BLOCK_BYTES = 1 << 20  # bytes handed over at a time
 #: What a file holds, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
 #: channels), and why something in it is no signal.
 Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], dict[str, str]]
@@ -47,7 +47,7 @@ def read_in_own_process(reader_file: str, path: Path) -> Contents:
     ValueError
         A file that cannot be read, or not within the limits; what the library said, or that it crashed.
     """
-    limit = _SECONDS + _PER_BYTE * path.stat().st_size
+    limit = SECONDS + _PER_BYTE * path.stat().st_size
     command = [sys.executable, "-I", __file__, reader_file, str(path)]
     late = threading.Event()
     with tempfile.TemporaryFile() as errors, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader:
@@ -139,12 +139,12 @@ def send(found: Contents, stream: IO[bytes]) -> None:
             continue
         together = getattr(array, "rows", 1)
         row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
-        step = together * max(1, _BLOCK_BYTES // (row * together))
+        step = together * max(1, BLOCK_BYTES // (row * together))
         for first in range(0, array.shape[0], step):
             stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 
 
-def _run_child(reader_file: str, path: Path) -> None:
+def run_child(reader_file: str, path: Path) -> None:
     """Read a file, and write what it holds to standard output."""
     try:
         import resource
@@ -164,5 +164,5 @@ def _run_child(reader_file: str, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    _run_child(sys.argv[1], Path(sys.argv[2]))
+    run_child(sys.argv[1], Path(sys.argv[2]))
     os._exit(0)  # it is all handed over: what the libraries clear up at their end takes as long as a small file

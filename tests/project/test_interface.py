@@ -40,8 +40,16 @@ def imported(path, tree):
                 yield base, alias.name, alias.asname or alias.name
 
 
-#: Modules that are imported where they are used, under any name: each attribute there may be one of a module.
-LATE = ("lazy_loader.load(", "import_module(", "sys.modules[", "reader.contents", "import_extra(")
+#: Files that reach a module under any name: each attribute there, and each word of a text, may be a name of a module.
+LATE = (
+    "lazy_loader.load(",
+    "import_module(",
+    "sys.modules[",
+    "reader.contents",
+    "import_extra(",
+    "setattr(",
+    "subprocess",
+)
 
 
 def reached(tree, modules):
@@ -52,6 +60,11 @@ def reached(tree, modules):
             base = modules.get(head, head) + (f".{rest}" if rest else "")
             if base in MODULES:
                 yield base, node.attr
+
+
+def is_text(node):
+    """Return whether a node is a text of a program, and not a paragraph."""
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.count(". ") < 3
 
 
 def is_command(node):
@@ -82,6 +95,7 @@ def uses():
         text = path.read_text(encoding="utf-8")
         texts = re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)
         late = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        late |= set(re.findall(r"\w+", " ".join(leaf.value for leaf in ast.walk(tree) if is_text(leaf))))
         late = late if any(word in text for word in LATE) else set()
         found_late = [(module, name) for module in MODULES for name in late & DEFINED[module]]
         pairs = [(base, name) for base, name, _ in names] + list(reached(tree, joined))

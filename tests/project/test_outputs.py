@@ -132,7 +132,7 @@ def test_every_command_that_writes_is_here():
     }
     options = {"out": "-o {}", "picture": "--picture {}"}
     tried = {
-        f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'drive') else 2])} {name}"
+        f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'servo') else 2])} {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command

@@ -36,22 +36,22 @@ CUTS = {
 }
 #: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
 REVIEWED = {
-    "nlfrf.doctor:iterate_requirements": "a requirement of the metadata of a package",
-    "nlfrf.io.readers.header:parse_number": "a number in a file",
-    "nlfrf.io.readers.layout:first_lines": "the beginning of a file",
-    "nlfrf.io.readers.twincat:separate_by_tabs": "a file",
-    "nlfrf._base.values:wrap_lines": "lines of what is printed, broken to fit a screen",
+    "nlfrf.doctor:_iterate_requirements": "a requirement of the metadata of a package",
+    "nlfrf.io.readers.header:_parse_number": "a number in a file",
+    "nlfrf.io.readers.layout:_first_lines": "the beginning of a file",
+    "nlfrf.io.readers.twincat:_separate_by_tabs": "a file",
+    "nlfrf._base.values:_wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.arguments:format_paragraph": "the same",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
-    "nlfrf.io.channels:read_contents": "white space made even in what is only printed",
+    "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
     "nlfrf.bla.bla:covariance_of": "how the level was read, a token that files keep",
-    "nlfrf.records.excited_lines:excited_lines_on_grid": "the name of a grid",
+    "nlfrf.records.excited_lines:_excited_lines_on_grid": "the name of a grid",
     "robust.synthesis.fixed.structures:structure_of": "the name of a structure that a user gave",
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
     "robust.reports.data:cross_check_section": "the label of a row that gets another one",
     "robust.reports.data:nominal_section": "the label of a row that gets another one",
-    "robust.reports.verdicts:verdict_rows": "the label of a row that gets another one",
+    "robust.reports.verdicts:_verdict_rows": "the label of a row that gets another one",
     "robust.models.sets.model:__str__": "a unit",
 }
 

@@ -374,7 +374,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     rate before a decimation is divided by it.
 
     >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
-    Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
+    _Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
     >>> find_clock(("Sampling time,125,[us]",)).fs, find_clock(("dt,0.25",)).unit, find_clock(("Notes",)).fs
     (8000.0, '', 0.0)
     >>> find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs, find_clock(("fs = 10", "dt = 1")).rates

@@ -31,7 +31,7 @@ _COMPLEX = re.compile(
 )
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 _MAX_WIDTH = 256  # columns that a table with fewer rows may have
-_BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
+BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 _DATE, _DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -76,7 +76,7 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
     head = start[:HEAD_BYTES]
     text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == HEAD_BYTES else head)
     layout = find_layout(text)
-    size, n_lines = len(start) if path is None else path.stat().st_size, _count_lines(start, path)
+    size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
     if (width := len(layout.numeric)) > _MAX_WIDTH and width > 2 * n_lines:
         raise ValueError(
@@ -143,7 +143,7 @@ def _own_time_columns(names: list[str]) -> dict[str, float | str]:
     return axes if len({*axes.values()}) > 1 else {}
 
 
-def _count_lines(start: bytes, path: Path | None) -> int:
+def count_lines(start: bytes, path: Path | None) -> int:
     """Count the lines of a table, an upper bound of its rows."""
     if path is None:
         return 1 + start.count(b"\n") + start.count(b"\r")
@@ -190,7 +190,7 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
                         pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, **all_options), layout
                     ), {}
                 with pd.read_csv(
-                    stream, dtype=kinds, decimal=layout.decimal, chunksize=_BLOCK_ROWS, **all_options
+                    stream, dtype=kinds, decimal=layout.decimal, chunksize=BLOCK_ROWS, **all_options
                 ) as frames:
                     return _concatenate_frames((_infinite_to_nan(frame, layout) for frame in frames), n_rows), {}
         except ValueError as error:

@@ -361,10 +361,10 @@ STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
 PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
 _ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
 _MAX_EXACT_ORDER = 8
-_LARGEST_STEP = 0.1  # of ln(omega) from point to point of a fit
+_LARGEST_STEP = 0.12  # of ln(omega) from point to point of a fit: as many as where a radius is assumed
 _MOST_BETWEEN = 20  # points between two lines
 #: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
-LEAST_IMPORTANCE = 0.03
+LEAST_IMPORTANCE = 0.1
 _MAX_MEAN_EXCESS_DB = 30.0
 _REFINEMENT = 10
 _LIFT = 1e-7  # what a parabola between the finest points could still hide
@@ -519,11 +519,12 @@ class _Demand:
         order = np.argsort(np.r_[log_w, log_w[at] + part * gaps[at]], kind="stable")
         omega = np.exp(np.r_[log_w, log_w[at] + part * gaps[at]])[order]
         envelope = np.r_[self.envelope, np.maximum(log_r[at], log_r[at + 1])][order]
-        share = np.r_[self.share, self.share[at] ** (1 - part) * self.share[at + 1] ** part][order]
+        of_line = np.r_[np.arange(log_w.size), at + (part > 0.5)]  # the nearest line, whose importance its points share
+        share = (self.share / np.bincount(of_line))[of_line][order]
         x = np.where(
             order < log_w.size, self.x[np.minimum(order, log_w.size - 1)], _imaginary_axis_frequencies(omega, self.dt)
         )
-        return magnitude_problem(x, envelope, ends=True, share=share / share.sum())
+        return magnitude_problem(x, envelope, ends=True, share=share)
 
 
 def _best_weight(demand: _Demand, order: int) -> _WeightFit:
@@ -536,8 +537,11 @@ def _best_weight(demand: _Demand, order: int) -> _WeightFit:
     while growth.order < order:
         growth = _add_states(coarse, growth, min(2, order - growth.order))
     # of an odd order what grew by pairs may be far from the best: a rational fit of |W|^2 is another start
-    starts = _starting_parameters(coarse.thin(150), order) if order else []
-    begun = [_placed_weight(coarse, start, order) for start in starts]
+    lines = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share).coarsen(_COARSE_POINTS)
+    begun = []
+    for start in _starting_parameters(lines.thin(150), order) if order else []:
+        on_lines = _placed_weight(lines, start, order).fit[1]
+        begun.append(_placed_weight(coarse, on_lines, order))
     return _finished_weight(demand, problem, min([growth, *begun], key=lambda one: one.fit[0]))
 
 

@@ -26,7 +26,7 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, JointProbability, RecordSummary, summarize_record
 
-_N_DRAWS, _N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
+N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
 _MIN_DRAWS = 400
 _MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
@@ -67,9 +67,9 @@ def probability_of_frf(model: UncertaintyModel, summary: RecordSummary, missed: 
     G0 = nominal_response(model.nominal, omega)
     shrunk, follows = _shrunk_residual(G - G0, v, missed[inside])
     center, around = (G - G0) * shrunk, v * (shrunk + follows)
-    n = int(np.clip(_N_NUMBERS // omega.size, _MIN_DRAWS, _N_DRAWS))
+    n = int(np.clip(N_NUMBERS // omega.size, _MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)  # the same set, the same number
-    g, common, z = (*_draw_level_errors(n, omega.size, rng), _draw_complex_normals((n, omega.size), rng))
+    g, common, z = (*draw_level_errors(n, omega.size, rng), _draw_complex_normals((n, omega.size), rng))
 
     def held(variance: np.ndarray) -> float:
         return float(np.mean(np.all(model.is_within(omega, G0 + center + np.sqrt(variance) * z, G0), axis=1)))
@@ -86,9 +86,9 @@ def _probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray
     share = np.mean(v / np.maximum(frm.entries(frm.cov.bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
     r = frm.G - G0
     shrunk, follows = _shrunk_residual(r, v, missed)
-    n = int(np.clip(_N_NUMBERS // frm.G.size, _MIN_DRAWS, _N_DRAWS))
+    n = int(np.clip(N_NUMBERS // frm.G.size, _MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)
-    g, common, z = (*_draw_level_errors(n, F, rng), _draw_complex_normals((n, F, n_y, n_u), rng))
+    g, common, z = (*draw_level_errors(n, F, rng), _draw_complex_normals((n, F, n_y, n_u), rng))
     bound, gamma = (hermitian_power(np.moveaxis(C, 2, 0), 0.5) for C in (frm.cov.bound, frm.cov.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
     extra = hermitian_power(np.moveaxis(frm.covariance_of("realization") - frm.cov.bound, 2, 0) / frm.typical, 0.5)
@@ -103,7 +103,7 @@ def _probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray
     return held(about + new), held(about)
 
 
-def _draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw estimated over true levels (n, F), shared by neighbours, and the power that all lines share (n, 1)."""
     sums = np.cumsum(rng.exponential(size=(n, n_lines + WINDOW)), axis=1)
     level = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW

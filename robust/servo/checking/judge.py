@@ -7,6 +7,7 @@ The machine is what a trace leaves once delay and lag are taken off, where its i
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
@@ -22,6 +23,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf.axis import Drive
 from robust._base.states import Verdict
+from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
 from robust.analysis.performance import StepResponse, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
@@ -175,7 +177,9 @@ def check(
     friction = _with_notes(replace(friction, force=force), under, note)
     advance()
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
-    machine = uncertainty(machine_bla, replace(nominal, warnings=()))
+    with warnings.catch_warnings():  # what the set warns of stands on the page
+        warnings.simplefilter("ignore", DesignWarning)
+        machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = replace(check_loop(model, K, delay=settings.delay), peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)

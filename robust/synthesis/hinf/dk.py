@@ -284,7 +284,7 @@ def _alternate(
         wanted, used = (
             (last.scaling, 0)
             if is_first
-            else _fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
+            else fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
         )
         found, failed = _attempt(P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share)
         tried += found
@@ -454,7 +454,7 @@ def _scaled_plant(
     return block_diagonal([*left, passed[0]], dt) * P * block_diagonal([*right, passed[1]], dt)
 
 
-def _fit_scalings(
+def fit_scalings(
     found: DkDesign, P: control.StateSpace, *, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
 ) -> tuple[list[Scaling], int]:
     """Functions for the scalings that a loop wants, the last block unscaled, and their order: the lowest that does.

@@ -124,7 +124,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
         PLANT, control.tf([0.1], [1]), "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI"
     )
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
-    with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.drive\.feedforward"):
+    with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.servo\.feedforward"):
         robust.synthesis.feedforward_filter(model, K, reference)
     assert feedforward(model).mass == pytest.approx(12.0)
 
