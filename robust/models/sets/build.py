@@ -281,8 +281,8 @@ def uncertainty(
     return attach_records(model, many, recorded)
 
 
-#: Exponent of |T_c| times the radius in what an excess counts for: the larger, the more the largest alone does. With 4
-#: and with 8, 29 of 36 loops of the friction rig are robust, with 1 there are 26.
+#: Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest value alone decide.
+#: Of 36 loops of the friction rig 29 are robust with 4 and with 8, 26 with 1.
 _NEAR_LARGEST = 4.0
 #: What makes a radius of each of its parts smaller.
 _CURES = {

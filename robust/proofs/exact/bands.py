@@ -282,7 +282,7 @@ def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tu
     q = q if last is None else q * fmpq_poly([-last, 1])
     balls = sorted(
         _ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0
-    )  # of distinct roots apart
+    )  # balls of distinct roots are disjoint
     inside = [(below, above) for below, above in balls if above >= first and (last is None or below <= last)]
     if last is None:
         beyond = 4 * max(fmpq(1), inside[-1][1])
