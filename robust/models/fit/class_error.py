@@ -27,22 +27,8 @@ _N_BALANCE = 8  # rounds that balance rows and columns; each divides what is lef
 _LEAST_ENTRY = 1e-30  # of the largest entry: what a zero counts as
 
 
-def target_loop(omega: np.ndarray, omega_c: float, shape: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return (W,) |T_c| = 1/sqrt(1 + (omega/2 omega_c)^4) of a loop with that crossover [rad/s]; one where it is nan.
-
-    shape : |G| over |G| smoothed, where the loop gain of a smooth controller rises and falls with it.
-
-    >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0).round(3).tolist()
-    [1.0, 0.707, 0.01]
-    """
-    if np.isnan(omega_c):
-        return np.ones(omega.size)
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / np.sqrt(1 + ((omega / (2 * omega_c)) ** 2 / shape) ** 2))
-
-
-def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:
-    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G that costs any loop the same.
+def smooth_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return (..., F) |G| smoothed over an octave: the running median, in which a mode counts as its surroundings.
 
     omega : (F,) [rad/s], in any order; G : (..., F).
     """
@@ -52,10 +38,46 @@ def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarr
     picked = np.unique(np.linspace(0, x.size - 1, min(x.size, _MAX_WINDOWS)).astype(int))
     medians = np.stack([np.median(size[..., first[k] : last[k]], axis=-1) for k in picked], axis=-1)
     log = np.log(np.maximum(medians, np.finfo(float).tiny)).reshape(-1, picked.size)
-    smooth = np.array([np.interp(np.log(x), np.log(x[picked]), row) for row in log]).reshape(size.shape)
     out = np.empty(size.shape)
-    out[..., order] = np.exp(smooth) / target_loop(x, omega_c) ** 2
+    out[..., order] = np.exp([np.interp(np.log(x), np.log(x[picked]), row) for row in log]).reshape(size.shape)
     return out
+
+
+def mean_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return (F,) the geometric mean over the entries of |G| smoothed, G (n_y, n_u, F): its fall, in any units."""
+    return np.asarray(np.exp(np.mean(np.log(smooth_size(omega, G)), axis=(0, 1))))
+
+
+def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np.ndarray | float = 1.0) -> np.ndarray:
+    """Return (..., W) |T_c| of a loop with that crossover [rad/s]; one where it is nan.
+
+    |T_c| = 1/sqrt(1 + 1/|L|^2). Beyond 2 omega_c the loop gain L falls by one slope with the controller and by up to
+    one more with the plant: 1/sqrt(1 + (omega/2 omega_c)^4) for a mass, 1/sqrt(1 + (omega/2 omega_c)^2) for a flat |G|.
+
+    smooth : (..., W) |G| smoothed.
+    shape : |G| over |G| smoothed, where the loop gain of a smooth controller rises and falls with it.
+
+    >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0, np.array([1.0, 1.0, 0.01])).round(3).tolist()
+    [1.0, 0.707, 0.01]
+    >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0, np.ones(3)).round(3).tolist()
+    [1.0, 0.707, 0.1]
+    """
+    if np.isnan(omega_c):
+        return np.ones(np.shape(smooth))
+    x = omega / (2 * omega_c)
+    corner = smooth[..., [int(np.argmin(np.abs(x - 1)))]]
+    by_plant = np.where(x < 1, x, np.clip(corner / smooth, 1.0, np.maximum(x, 1.0)))
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.sqrt(1 + (x * by_plant / shape) ** 2))
+
+
+def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:
+    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G that costs any loop the same.
+
+    omega : (F,) [rad/s], in any order; G : (..., F).
+    """
+    smooth = smooth_size(omega, G)
+    return smooth / target_loop(omega, omega_c, smooth) ** 2
 
 
 def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray) -> tuple[float, float]:

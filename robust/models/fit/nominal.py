@@ -595,7 +595,7 @@ def fit_nominal(
         Rank of the residues of several channels: 2 for the equal modes of a symmetric machine.
     omega_c : float, optional
         Crossover [rad/s] of the loop that the model is for. A model of few poles for a machine of many serves that loop
-        then: |T_c| = 1/sqrt(1 + (omega/2 omega_c)^4) says what it tolerates. When not given |T_c| is one.
+        then: |T_c| (`target_loop`) says what it tolerates. When not given |T_c| is one.
 
     Returns
     -------

@@ -34,7 +34,7 @@ from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
-from robust.models.fit.class_error import target_loop
+from robust.models.fit.class_error import mean_size, smooth_size, target_loop
 from robust.models.fit.nominal import (
     NominalFit,
     bla_behind_hold,
@@ -347,9 +347,8 @@ def _disc_set(
     )
     importance = None
     if not np.isnan(omega_c):  # as rs of the loop: where it is largest, an excess costs its margin
-        importance = (
-            target_loop(omega, omega_c) * absolute / np.abs(nominal_response(nominal, omega))
-        ) ** _NEAR_LARGEST
+        size = np.abs(nominal_response(nominal, omega))
+        importance = (target_loop(omega, omega_c, smooth_size(omega, size)) * absolute / size) ** _NEAR_LARGEST
     weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt, importance=importance)
     return {
         "weight": checked_weight(weight, omega, absolute * factor, order=order),
@@ -381,6 +380,8 @@ def _block_set(
             raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
         omega, radius = block_radius(frms, models, spec=spec, form=form)
         n, budget = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
+    G = nominal_response(nominal, omega).reshape(nominal.noutputs, nominal.ninputs, -1)
+    importance = target_loop(omega, omega_c, mean_size(omega, G))
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
     weights = tuple(
         fit_covering_weight(
@@ -389,7 +390,7 @@ def _block_set(
             order=order,
             rules=rule,
             dt=_sampling_time_of(nominal),
-            importance=target_loop(omega, omega_c),
+            importance=importance,
         )
         for row, rule in zip(radius, each, strict=True)
     )

@@ -14,7 +14,7 @@ from nlfrf._base.arguments import format_count, format_hertz, require_integer, r
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase, to_s_plane
-from robust.models.fit.class_error import balance, loop_tolerance, target_loop
+from robust.models.fit.class_error import balance, mean_size, smooth_size, target_loop
 from robust.models.fit.nominal import (
     OUTSIDE_FACTOR,
     Measurement,
@@ -342,11 +342,11 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
     line = np.concatenate(
         [np.arange(row.shape[1]) < fit.omega[at].size for row, (_, at) in zip(rows, parts, strict=True)]
     )
-    omega, relative, scatter, shape = np.concatenate(rows, axis=1)
+    omega, relative, scatter, shape, smooth = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         allowed = omega / 2 / (shape**2 * ((relative / _ENOUGH) ** 2 - 1)) ** 0.25
     reach = min(float(np.min(allowed[relative > _ENOUGH], initial=np.inf)), float(fit.omega.max()))
-    target = target_loop(omega, fit.omega_c, shape)
+    target = target_loop(omega, fit.omega_c, smooth, shape)
     loop, least, asked = relative * target, scatter * target, not np.isnan(fit.omega_c)
     return _SetSizes(
         radius=float(np.max(relative[omega <= fit.omega_c])) if asked else np.nan,
@@ -368,14 +368,14 @@ def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bl
 
 
 def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
-    """Return (4, W) frequencies, radius over |G|, what of it no other nominal changes, and |G| over |G| smoothed.
+    """Return (5, W) frequencies, radius over |G|, what of it no other nominal changes, |G| over |G| smoothed, and that.
 
     On the lines of the record, and with one channel at the modes of the nominal between them, where the radius is the
     larger neighbour. Of a bare FRF the radius is what the fit misses. Of several channels it is the largest gain of the
     radii over that of |G|, rows and columns balanced.
     """
     omega, G, measured = fit.omega[at], fit.response[..., at], (fit.response + fit.residual)[..., at]
-    smooth = loop_tolerance(omega, measured, np.nan)
+    smooth = smooth_size(omega, measured)
     with np.errstate(divide="ignore", invalid="ignore"):
         if G.ndim == 3:
             n_y, n_u, F = G.shape
@@ -387,19 +387,19 @@ def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarr
             *gains, whole, around = (
                 np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2)) for part in (*radii, *sizes)
             )
-            return np.array([omega, *(gain / whole for gain in gains), whole / around])
+            return np.array([omega, *(gain / whole for gain in gains), whole / around, mean_size(omega, measured)])
         radius, scatter = np.abs(fit.residual[at]), np.zeros(omega.size)
         if record is not None:
             parts = record_radius_parts(record, control.frd(G, omega), RadiusSpec())
             radius = sum_of_parts(parts)
             scatter = (radius - parts["misfit"]) / np.maximum(np.abs(measured), np.abs(G))
         size = np.abs(G)
-        on_lines = np.array([omega, radius / size, scatter, size / smooth])
+        on_lines = np.array([omega, radius / size, scatter, size / smooth, smooth])
     modes = np.abs(to_s_plane(fit.G.poles(), timebase(fit.G)))
     modes = np.unique(modes[(modes > omega[0]) & (modes < omega[-1])])
     between = [larger_neighbour(modes, omega, row) for row in on_lines[1:3]]
-    peaks = np.abs(response(fit.G, modes)) / np.interp(modes, omega, smooth)
-    return np.hstack([on_lines, [modes, *between, peaks]])
+    around = np.interp(modes, omega, smooth)
+    return np.hstack([on_lines, [modes, *between, np.abs(response(fit.G, modes)) / around, around]])
 
 
 def _has_unseen_pair(fit: NominalFit) -> bool:

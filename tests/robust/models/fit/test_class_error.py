@@ -84,9 +84,19 @@ def test_an_antiresonance_counts_as_its_octave_and_the_loop_as_its_square():
     k = int(np.argmin(G))
     assert m[k] > 20 * G[k]
     both = loop_tolerance(2 * np.pi * F, G, CROSSOVER)
-    np.testing.assert_allclose(both * target_loop(2 * np.pi * F, CROSSOVER) ** 2, m)
+    np.testing.assert_allclose(both * target_loop(2 * np.pi * F, CROSSOVER, m) ** 2, m)
     mixed = np.random.default_rng(0).permutation(F.size)  # lines of several records stand one after the other
     np.testing.assert_allclose(loop_tolerance(2 * np.pi * F[mixed], G[mixed], CROSSOVER), both[mixed])
+
+
+@pytest.mark.parametrize(("slope", "falls_by"), [(0, 1), (0.5, 1.5), (1, 2), (2, 2), (-1, 1)])
+def test_beyond_the_crossover_the_loop_falls_by_one_slope_and_with_the_plant_by_up_to_two(slope, falls_by):
+    """As L = K G does: K falls with a flat plant, and gives a mass its lead."""
+    F = np.array([1e-3, 24.0, 240.0, 2400.0])
+    T = target_loop(2 * np.pi * F, CROSSOVER, (F / 24.0) ** -slope)
+    assert T[0] == pytest.approx(1)
+    assert T[1] == pytest.approx(np.sqrt(0.5))
+    assert T[3] / T[2] == pytest.approx(0.1**falls_by, rel=0.01)
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 10**6))
