@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 import nlfrf
-from nlfrf.axis import AxisLimits, design_experiment, design_ramp, find_levels, load_trace, play_experiment
-from nlfrf.axis.loop import plant_frf
+from nlfrf.io import load_trace
+from nlfrf.signals import AxisLimits
+from robust.servo import design_experiment, design_ramp, find_levels, play_experiment
+from robust.servo.experiment.loop import plant_frf
 
 N = 4000
 PRESETS = {"linear motor": (0.15, 30), "belt": (0.15, 30), "ball screw": (0.05, 300), "joint": (0.5, 5)}

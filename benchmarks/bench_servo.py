@@ -17,9 +17,8 @@ from benchmarks.bench_axes import some_law
 from benchmarks.machine import main as machine
 from benchmarks.timing import in_turn
 from nlfrf import paper_rig, servo_axis
-from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb
-from nlfrf.rig import ServoAxis, run
+from nlfrf.rig import Drive, ServoAxis, run
 from robust.shaping import pid
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")

@@ -178,7 +178,7 @@ def play(rig: ModuleType, axis: Any, folder: Path, attack: str = "none") -> None
         folder / "moving.csv",
     ]
     for arguments in (ramp, moving):
-        code, _, said = run("nlfrf", "axis", "design", *arguments)
+        code, _, said = run("robust", "servo", "design", *arguments)
         if code:
             raise RuntimeError(said)
     for name, trace in (("moving", "trace"), ("ramp", "ramp-trace")):
@@ -201,7 +201,7 @@ def truth(rig: ModuleType, axis: Any, folder: Path) -> tuple[float, float]:
 
 def bound_of_truth(axis: Any) -> float:
     """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction force."""
-    from nlfrf.axis import Drive
+    from nlfrf.rig import Drive
     from robust import friction_plant, prove_friction
     from robust.friction import any_bounded
     from robust.servo.checking.friction import friction_behind_lag

@@ -22,8 +22,8 @@ import numpy as np
 
 import nlfrf
 import robust
-from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders
+from nlfrf.rig import Drive
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
 from robust.servo import cascade

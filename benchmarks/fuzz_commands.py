@@ -33,9 +33,6 @@ MEASURING = (
     "identify rec.npz {} -o o.npz",
     "identify multi.npz {} -o o.npz",
     "plot {} -o o.png",
-    "axis design {} --period 500 --f-min 8 --f-max 100 --rms 5 -o o.csv",
-    "axis play belt {} -o o.csv",
-    "axis levels {0} --design {0}",
 )
 CONTROLLING = (
     "model {} --poles 2 -o o.json",
@@ -59,6 +56,9 @@ CONTROLLING = (
     "report matrix.json K2.json --bla {} -o o.html",
     "report matrix.json K2.json --record {} -o o.html",
     "shape {} --bandwidth 5 -o o.html",
+    "servo design {} --period 500 --f-min 8 --f-max 100 --rms 5 -o o.csv",
+    "servo play belt {} -o o.csv",
+    "servo levels {0} --design {0}",
 )
 WRONG = {"empty.json": "", "empty.npz": "", "text.csv": "hello\nworld\n", "notes.txt": "x", "list.json": "[1, 2]"}
 NOT_THERE = ("missing.npz", "missing.json")

@@ -40,7 +40,8 @@ import numpy as np
 import nlfrf
 import robust
 from benchmarks.read_class import FAMILIES, GOOD, Case, draw_case, draw_loops, prove_read
-from nlfrf.axis import design_experiment, load_trace, play_experiment
+from nlfrf.io import load_trace
+from robust.servo import design_experiment, play_experiment
 
 
 @dataclass(frozen=True)

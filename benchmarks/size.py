@@ -26,7 +26,7 @@ REPORTED = {
     "robust.RobustnessReport": "RobustnessReport",
     "robust.UncertaintyModel": "UncertaintyModel",
     "nlfrf.Bla": "Bla",
-    "nlfrf.axis.Drive": "Drive",
+    "nlfrf.rig.Drive": "Drive",
 }
 BRANCHES = (ast.If, ast.For, ast.While, ast.ExceptHandler, ast.IfExp, ast.Assert, ast.comprehension, ast.match_case)
 

@@ -19,7 +19,7 @@ DOCS = Path(__file__).resolve().parent
 HERE = "generated/api"  # among the pages
 #: Modules whose names are public, pictures apart.
 MODULES = (
-    *("nlfrf", *(f"nlfrf.{name}" for name in ("axis", "bla", "friction", "hysteresis", "io", "rig", "signals"))),
+    *("nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "hysteresis", "io", "rig", "signals"))),
     *("robust", *(f"robust.{name}" for name in robust._submodules if name != "plot")),
 )
 #: Module -> its public names.
@@ -32,7 +32,6 @@ PACKAGES = (
         "nlfrf.bla",
         "nlfrf.rig",
         "nlfrf.io",
-        "nlfrf.axis",
         "nlfrf.plot",
         "nlfrf._base",
     ),

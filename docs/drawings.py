@@ -17,8 +17,8 @@ import nlfrf
 import robust
 import robust.servo
 from docs.gallery import made_from, outputs
-from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders
+from nlfrf.rig import Drive
 from robust.friction import any_maxwell_slip
 from robust.plot import plot_check, plot_nyquist
 

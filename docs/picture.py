@@ -14,10 +14,12 @@ from matplotlib.figure import Figure
 import nlfrf
 import robust
 from docs.gallery import outputs
-from nlfrf.axis import AxisLimits, Drive, design_experiment, design_ramp, play_experiment
 from nlfrf.plot import plot_bla, plot_blas
+from nlfrf.rig import Drive
+from nlfrf.signals import AxisLimits
 from robust import servo
 from robust.plot import plot_friction_force, plot_nyquist
+from robust.servo import design_experiment, design_ramp, play_experiment
 from robust.servo.checking.friction import force_over_position
 
 STATIC = Path(__file__).resolve().parent / "_static"

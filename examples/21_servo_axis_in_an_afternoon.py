@@ -14,8 +14,10 @@ import matplotlib.pyplot as plt
 
 import nlfrf
 import robust
-from nlfrf.axis import AxisLimits, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from nlfrf.io import load_trace
+from nlfrf.signals import AxisLimits
 from robust import servo
+from robust.servo import design_experiment, design_ramp, find_levels, play_experiment
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/21"), help="folder for files and pictures")

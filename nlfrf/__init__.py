@@ -4,7 +4,6 @@
 
 `dir(nlfrf)` shows what most scripts need. The rest is in submodules, each of which is loaded when it is first used:
 
-    nlfrf.axis        experiments on a running drive: design, level pre-test, traces
     nlfrf.io          files: records, results, designs, inspection
     nlfrf.rig         simulated machines: the friction rig, the stage, the servo axis, a controller around them
     nlfrf.friction    friction laws
@@ -24,5 +23,5 @@ if not hasattr(lazy_loader, "attach_stub"):
 __version__ = "0.1.0"
 
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
-_submodules = ("axis", "bla", "friction", "hysteresis", "io", "plot", "rig", "signals")
+_submodules = ("bla", "friction", "hysteresis", "io", "plot", "rig", "signals")
 __all__ = [name for name in _names if name not in _submodules]

@@ -1,5 +1,4 @@
 # What most scripts need, and the submodules that hold the rest: one way to each public name.
-from . import axis as axis
 from . import bla as bla
 from . import friction as friction
 from . import hysteresis as hysteresis

@@ -30,11 +30,9 @@ from nlfrf._base.command import (
 )
 from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
 from nlfrf._base.values import ArrayField, to_json
-from nlfrf.axis.axis_file import load_axis
-from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
-from nlfrf.io.designs import load_design, load_experiment
+from nlfrf.io.designs import load_design
 from nlfrf.io.inspection import screen_file
 from nlfrf.io.records import ReadOptions
 from nlfrf.io.results import load_own
@@ -49,8 +47,6 @@ app = Commands(
 
 #: Parameters of the library whose option has another name.
 _OPTIONS = LOAD_OPTIONS | {
-    "base_velocity": "velocity",
-    "n_levels": "ramp",
     "n_periods": "periods",
     "n_realizations": "realizations",
     "n_log": "log-lines",
@@ -65,16 +61,6 @@ _MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, with
 _SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Identify = Callable[..., Any]  # `nlfrf.identify` with its options: of one record a Bla, of several a list of them
-
-
-axis = Commands(
-    help="Experiments on a servo axis under its running drive: design, play on a simulated axis, choose levels.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-app.add_typer(axis, name="axis", short_help=axis.info.help)
-Force = Annotated[str, typer.Option("--input", help="Name of the force, torque or current set point in the trace.")]
-Position = Annotated[str, typer.Option("--output", help="Name of the actual position in the trace.")]
 
 
 @app.callback()
@@ -127,7 +113,7 @@ def design(
         design="zippered" if zippered else "orthogonal",
         n_draws=draws,
     )
-    _warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
+    warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save(ms, out, decimal=decimal)
@@ -287,7 +273,7 @@ def identify(
         record = _with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), _split_names(units or []))
         _identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
-    if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
+    if design is not None and isinstance(found := load_own(design), nlfrf.signals.AxisExperiment):
         given: dict[str, object] = {"period": period, "discard": discard, "resample": resample}
         given |= {"reference": references, "start": start, "stop": stop}
         require_left_out({**given, "opinion": opinion, "units": units})
@@ -304,7 +290,7 @@ def identify(
 
 
 def _identify_experiment(
-    experiment: nlfrf.axis.AxisExperiment,
+    experiment: nlfrf.signals.AxisExperiment,
     files: list[Path],
     *,
     names: tuple[str, str],
@@ -316,7 +302,7 @@ def _identify_experiment(
     decimal: str,
 ) -> None:
     """The BLA of each direction of a base motion, of each level of a ramp, or the one at rest."""
-    records = nlfrf.axis.load_trace(files, experiment, u=names[0], y=names[1], fs=fs)
+    records = nlfrf.io.load_trace(files, experiment, u=names[0], y=names[1], fs=fs)
     labels = list(experiment.labels)[-len(records) :]
     targets = _output_paths(out, labels)
     require_writable(*targets, *map(_table_path, targets * csv))
@@ -373,104 +359,6 @@ def frf(
     finish_command(bla, True, json)
 
 
-@axis.command("design")
-def design_for_drive(
-    source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
-    out: Out,
-    period: Annotated[int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")],
-    f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
-    f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
-    rms: Annotated[
-        float | None, typer.Option(help="Root mean square of the force set point [N], [Nm]; as the limits allow.")
-    ] = None,
-    port: Annotated[str, typer.Option(help="Set point it is added to: position, velocity or force.")] = "position",
-    max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
-    max_velocity: Annotated[float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")] = np.inf,
-    max_travel: Annotated[float, typer.Option(help="Limit of the travel [m], [rad].")] = np.inf,
-    velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
-    strokes: Annotated[int, typer.Option(help="Strokes there and back.")] = 0,
-    ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
-    span: Annotated[float, typer.Option(help="Highest over lowest level of the pre-test.")] = 1e4,
-    periods: Annotated[int, typer.Option(help="Periods to keep, of each stroke or level.")] = 2,
-    discard: Annotated[int, typer.Option(help="Periods before them.")] = 2,
-    realizations: Annotated[int, typer.Option(help="Realisations, a file each.")] = 1,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
-    first: Annotated[Path | None, typer.Option(help="Design (.npz) of the first trace.")] = None,
-    level: Annotated[str, typer.Option(help="Of a first trace that is a pre-test: sticks, bends or slides.")] = "",
-    input: Force = "force set point",
-    output: Position = "position",
-    decimal: Decimal = ".",
-) -> None:
-    """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
-    origin: nlfrf.rig.ServoAxis | nlfrf.Record
-    if first is None:
-        origin = _read_axis(source)
-    else:
-        played = load_experiment(first)
-        records = nlfrf.axis.load_trace(source, played, u=input, y=output)
-        origin = in_design_units(records[0], played)
-        if played.is_ramp:
-            found, states = nlfrf.axis.find_levels(records, played), ("sticks", "bends", "slides")
-            if level not in states or found.reason:
-                raise ValueError(
-                    found.reason or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
-                )
-            k = states.index(level)
-            origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
-    if ramp and (velocity or strokes or realizations != 1):
-        raise ValueError("--ramp must be left out in motion, and for several realisations, got it with one of them")
-    fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
-    ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
-    motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes)
-    experiment = (partial(nlfrf.axis.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
-        origin,
-        ms,
-        rms=rms,
-        port=port,
-        limits=nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel),
-        n_periods=periods,
-        n_discard=discard,
-    )
-    _warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
-    nlfrf.save(experiment, out, decimal=decimal)
-    print(experiment)
-
-
-@axis.command()
-def play(
-    axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
-    file: Annotated[Path, typer.Argument(help="Set points to play, as 'nlfrf axis design' wrote them (.csv).")],
-    out: Out,
-) -> None:
-    """Play set points on a simulated axis, and write what its drive traces (.csv)."""
-    trace = nlfrf.axis.play_experiment(_read_axis(axis), file, out)
-    if trace.diverged:
-        raise ValueError(f"axis must be stable under its drive, got one that ran away after {trace.t[-1]:.3g} s")
-    print(f"{trace.t.size} samples, {trace.t[-1]:.3g} s, at its current limit in {trace.limited.mean():.1%} of them")
-
-
-@axis.command()
-def levels(
-    file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
-    design: Annotated[Path, typer.Option(help="What was played, as 'nlfrf axis design --ramp' wrote it (.npz).")],
-    input: Force = "force set point",
-    output: Position = "position",
-    json: Json = False,
-) -> None:
-    """Read from a pre-test at which levels an axis sticks, bends and slides (exit code 1: it does not show three)."""
-    experiment = load_experiment(design)
-    found = nlfrf.axis.find_levels(nlfrf.axis.load_trace(file, experiment, u=input, y=output), experiment)
-    printer(json)(found)
-    finish_command(found, not found.reason, json)
-
-
-def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
-    """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
-    if path.suffix.lower() not in ("", ".toml"):
-        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
-    return load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
-
-
 @app.command()
 def plot(
     file: Annotated[Path, typer.Argument(help="Multisine, record, BLA or matrix written by this command.")],
@@ -490,7 +378,7 @@ def plot(
 
     if isinstance(content, nlfrf.Record):
         content = nlfrf.identify(content)
-    elif isinstance(content, nlfrf.axis.AxisExperiment):
+    elif isinstance(content, nlfrf.signals.AxisExperiment):
         content = content.ms
     size = (9, 9)
     drawn: list[Callable[..., object]]
@@ -557,7 +445,7 @@ def doctor() -> None:
     print("all is well")
 
 
-def _warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
+def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
     """Warn of a band of which the lines of a grid leave out much at one end."""
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + _MAX_BAND_GAP) * f_min or last < (1 - _MAX_BAND_GAP) * f_max:

@@ -77,6 +77,12 @@ _OPTIONS = LOAD_OPTIONS | {
     "channel": "channel",
     "columns": "columns",
     "Fs": "force",
+    "base_velocity": "velocity",
+    "n_levels": "ramp",
+    "n_periods": "periods",
+    "n_realizations": "realizations",
+    "f_min": "f-min",
+    "f_max": "f-max",
 }
 app.add_typer(servo_app, name="servo")
 _PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed

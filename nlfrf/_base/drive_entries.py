@@ -8,6 +8,9 @@ from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.types import JsonObject
 from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 
+PORTS = ("force", "velocity", "position")  # set points of a drive that something can be added to
+GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
+SAME_GAIN = 1e-3  # relative error up to which two gains are the same
 #: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
 #: misread is off by a factor of 16.7 or 60.
 USUAL_KV = (5.0, 1000.0)

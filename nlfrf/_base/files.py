@@ -80,7 +80,8 @@ FILE_KINDS = {
     "nlfrf-multisine": _MULTISINE_FILE,
     "nlfrf-axis-experiment": _FileKind(
         "an experiment on a drive",
-        "nlfrf axis play AXIS SETPOINTS.csv -o trace.csv, or play it and: nlfrf identify TRACE --design {} -o bla.npz",
+        "robust servo play AXIS SETPOINTS.csv -o trace.csv, or play it and: "
+        "nlfrf identify TRACE --design {} -o bla.npz",
     ),
     **dict.fromkeys((*RECORD_SCHEMAS, *MEASURED_RECORDS), _RECORD_FILE),
     "nlfrf-bla": _BLA_FILE,

@@ -10,6 +10,7 @@ import numpy as np
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
 SMALL_NORM = TINY**0.25  # the same where its square is
+_PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
 
 
 def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -99,6 +100,31 @@ def iterate_blocks(n: int, size: int = 1) -> list[slice]:
     """
     step = max(1, BLOCK_ENTRIES // size)
     return [slice(first, min(first + step, n)) for first in range(0, n, step)]
+
+
+def clipped_share(x: np.ndarray) -> float:
+    """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
+
+    A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
+    level: smooth peaks are at most `_PILE_RATIO` times as long in the highest one.
+
+    >>> x = np.sin(np.arange(1000) / 50)
+    >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
+    (0.0, True)
+    """
+    n = 0
+    for signed, extreme in ((1.0, float(x.max())), (-1.0, float(x.min()))):
+        some_in_a_row, flat_ones, following = False, 0, -np.inf
+        for some in iterate_blocks(x.size):
+            part = x[max(0, some.start - 2) : some.stop]
+            flat = part == extreme  # a row may begin in the block before
+            some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
+            flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
+            following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
+        if some_in_a_row:
+            costs = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
+            n += flat_ones if flat_ones > _PILE_RATIO * costs else 0
+    return n / x.size
 
 
 def all_finite(x: np.ndarray) -> bool:

@@ -1,5 +1,6 @@
 """Files: records, results and designs, read and written.
 
+axis_trace      the trace of a drive, read into records by the experiment that it played
 channels        the named channels inside such a file, by the reader of its kind
 designs         multisines, and the signals to play
 direction       which channels are input, output and reference, and their period

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from nlfrf._base.arguments import require_integer
+from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.files import (
     DESIGN_MARK,
     Role,
@@ -19,6 +20,8 @@ from nlfrf._base.files import (
     write_atomically,
     write_table,
 )
+from nlfrf._base.values import value
+from nlfrf.io.channels import read_channels
 from nlfrf.io.stored_values import load_value, save_value
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
@@ -96,6 +99,70 @@ def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *,
         columns = {f"{port} [{experiment.units[port]}]": one for port, one in experiment.set_points(m).items()}
         write_table(target, np.column_stack([t, *columns.values()]), ["t [s]", *columns], decimal=decimal)
     save_value(experiment, _EXPERIMENT_SCHEMA, companion, role=Role.DERIVED)
+
+
+@value
+class SetPoints:
+    """What a drive or a simulated axis plays: set points of its ports, as `nlfrf.save` writes an experiment to play.
+
+    Fields
+    ------
+    fs : float
+        Sampling frequency [Hz].
+    played : dict of str to (n,) ndarray
+        Set point of each port that the file has: "force", "velocity", "position".
+    units : dict of str to str
+        Their units, "" where the file states none.
+
+    Examples
+    --------
+    >>> SetPoints(fs=4000.0, played={"force": np.zeros(8)}, units={"force": "N"}).units
+    {'force': 'N'}
+    """
+
+    fs: float
+    played: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+
+
+def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
+    """Read the set points of a drive from a table: time, and columns called position, velocity or force.
+
+    Parameters
+    ----------
+    path : path
+        The table, as `nlfrf.save` writes an experiment to play, or in any format of `nlfrf.load_record`.
+
+    Returns
+    -------
+    SetPoints
+
+    Raises
+    ------
+    ValueError
+        A file that has none of these columns, or no even clock.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder, open(f"{folder}/play.csv", "w+") as file:
+    ...     _ = file.write("t [s],position [m]\\n" + "".join(f"{k / 1000},{k}\\n" for k in range(4)))
+    ...     _ = file.seek(0)
+    ...     played = load_set_points(file.name)
+    >>> played.fs, played.units
+    (1000.0, {'position': 'm'})
+    """
+    file = read_channels(to_path(path))
+    given = [port for port in PORTS if file.full_name(port) in file.arrays]
+    if not given:
+        raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
+    return SetPoints(
+        fs=file.sampling_frequency(None, tuple(given)),
+        played={port: file.signal(port, port) for port in given},
+        units={port: file.unit(file.full_name(port)) for port in given},
+    )
 
 
 def _add_remark(path: Path, text: str) -> None:

@@ -1,5 +1,6 @@
 from .bench.closed_loop import Controller as Controller
 from .bench.closed_loop import run_loops as run_loops
+from .bench.drive import Drive as Drive
 from .bench.rig import Rig as Rig
 from .bench.rig import two_axis_stage as two_axis_stage
 from .bench.run import run as run

@@ -1,1 +1,3 @@
+from .axis_experiment import AxisExperiment as AxisExperiment
+from .axis_experiment import AxisLimits as AxisLimits
 from .lines import LineGrid as LineGrid

@@ -15,12 +15,9 @@ from nlfrf._base.arguments import (
     require_nonnegative,
     require_real_array,
 )
+from nlfrf._base.drive_entries import PORTS, SAME_GAIN
 from nlfrf._base.values import value
 from nlfrf.signals.multisine import Multisine, require_one_input
-
-PORTS = ("force", "velocity", "position")
-GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
-SAME_GAIN = 1e-3  # relative error up to which two gains are the same
 
 
 @value
@@ -102,10 +99,10 @@ class AxisExperiment:
 
     Examples
     --------
-    >>> import nlfrf.axis
+    >>> import nlfrf, robust.servo
     >>> axis = nlfrf.servo_axis("belt")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
-    >>> experiment = nlfrf.axis.design_experiment(axis, ms, rms=20)
+    >>> experiment = robust.servo.design_experiment(axis, ms, rms=20)
     >>> round(experiment.rms, 6), experiment.labels
     (20.0, ('at rest',))
     """

@@ -3,6 +3,12 @@ from .checking.cures import friction_cures as friction_cures
 from .checking.judge import check as check
 from .checking.read import read_experiments as read_experiments
 from .checking.read import read_traces as read_traces
+from .experiment.design import design_experiment as design_experiment
+from .experiment.design import design_ramp as design_ramp
+from .experiment.levels import AxisLevels as AxisLevels
+from .experiment.levels import FrictionRegime as FrictionRegime
+from .experiment.levels import find_levels as find_levels
+from .experiment.play import play_experiment as play_experiment
 from .gains.blocks import to_blocks as to_blocks
 from .gains.blocks import with_blocks as with_blocks
 from .gains.controller import gains_from_controller as gains_from_controller

@@ -7,20 +7,143 @@ from pathlib import Path
 from typing import Annotated
 
 import lazy_loader
+import numpy as np
 import typer
 
 import nlfrf
-from nlfrf._base.command import Commands, Json, finish_command, printer, progress_display, require_left_out, spinner
+from nlfrf._base.command import (
+    Commands,
+    Decimal,
+    Json,
+    finish_command,
+    printer,
+    progress_display,
+    require_left_out,
+    spinner,
+)
 from nlfrf._base.files import command_signature, write_text
 from robust._base.options import Discard, Period, Reference, Resample, SamplingFrequency
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-findings, gains_file, judge, page, read = (
+axis_file, design, findings, gains_file, judge, levels, page, play, read = (
     lazy_loader.load(f"robust.servo.{module}", suppress_warning=True)
-    for module in ("checking.findings", "gains.gains_file", "checking.judge", "page", "checking.read")
+    for module in (
+        *("experiment.axis_file", "experiment.design", "checking.findings", "gains.gains_file", "checking.judge"),
+        *("experiment.levels", "page", "experiment.play", "checking.read"),
+    )
 )
 
-servo_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
+servo_app = Commands(
+    help="A servo axis under its drive: experiments, their traces, and the gains checked against them.",
+    no_args_is_help=True,
+)
+Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Force = Annotated[str, typer.Option("--input", help="Name of the force, torque or current set point in the trace.")]
+Position = Annotated[str, typer.Option("--output", help="Name of the actual position in the trace.")]
+
+
+@servo_app.command("design")
+def design_for_drive(
+    source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
+    out: Out,
+    period: Annotated[int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")],
+    f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
+    f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
+    rms: Annotated[
+        float | None, typer.Option(help="Root mean square of the force set point [N], [Nm]; as the limits allow.")
+    ] = None,
+    port: Annotated[str, typer.Option(help="Set point it is added to: position, velocity or force.")] = "position",
+    max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
+    max_velocity: Annotated[float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")] = np.inf,
+    max_travel: Annotated[float, typer.Option(help="Limit of the travel [m], [rad].")] = np.inf,
+    velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
+    strokes: Annotated[int, typer.Option(help="Strokes there and back.")] = 0,
+    ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
+    span: Annotated[float, typer.Option(help="Highest over lowest level of the pre-test.")] = 1e4,
+    periods: Annotated[int, typer.Option(help="Periods to keep, of each stroke or level.")] = 2,
+    discard: Annotated[int, typer.Option(help="Periods before them.")] = 2,
+    realizations: Annotated[int, typer.Option(help="Realisations, a file each.")] = 1,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
+    first: Annotated[Path | None, typer.Option(help="Design (.npz) of the first trace.")] = None,
+    level: Annotated[str, typer.Option(help="Of a first trace that is a pre-test: sticks, bends or slides.")] = "",
+    input: Force = "force set point",
+    output: Position = "position",
+    decimal: Decimal = ".",
+) -> None:
+    """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
+    origin: nlfrf.rig.ServoAxis | nlfrf.Record
+    if first is None:
+        origin = _read_axis(source)
+    else:
+        played = _load_experiment(first)
+        records = nlfrf.io.load_trace(source, played, u=input, y=output)
+        origin = nlfrf.io.in_design_units(records[0], played)
+        if played.is_ramp:
+            found, states = levels.find_levels(records, played), ("sticks", "bends", "slides")
+            if level not in states or found.reason:
+                raise ValueError(
+                    found.reason or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
+                )
+            k = states.index(level)
+            origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
+    if ramp and (velocity or strokes or realizations != 1):
+        raise ValueError("--ramp must be left out in motion, and for several realisations, got it with one of them")
+    fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
+    ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
+    motion = partial(design.design_experiment, base_velocity=velocity, strokes=strokes)
+    experiment = (partial(design.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
+        origin,
+        ms,
+        rms=rms,
+        port=port,
+        limits=nlfrf.signals.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel),
+        n_periods=periods,
+        n_discard=discard,
+    )
+    from nlfrf.cli import warn_of_band
+
+    warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
+    nlfrf.save(experiment, out, decimal=decimal)
+    printer(False)(experiment)
+
+
+@servo_app.command("play")
+def play_set_points(
+    axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
+    file: Annotated[Path, typer.Argument(help="Set points to play, as 'robust servo design' wrote them (.csv).")],
+    out: Out,
+) -> None:
+    """Play set points on a simulated axis, and write what its drive traces (.csv)."""
+    trace = play.play_experiment(_read_axis(axis), file, out)
+    if trace.diverged:
+        raise ValueError(f"axis must be stable under its drive, got one that ran away after {trace.t[-1]:.3g} s")
+    printer(False)(
+        f"{trace.t.size} samples, {trace.t[-1]:.3g} s, at its current limit in {trace.limited.mean():.1%} of them"
+    )
+
+
+@servo_app.command("levels")
+def find_levels(
+    file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
+    played: Annotated[
+        Path, typer.Option("--design", help="What was played, as 'robust servo design --ramp' wrote it (.npz).")
+    ],
+    input: Force = "force set point",
+    output: Position = "position",
+    json: Json = False,
+) -> None:
+    """Read from a pre-test at which levels an axis sticks, bends and slides (exit code 1: it does not show three)."""
+    experiment = _load_experiment(played)
+    found = levels.find_levels(nlfrf.io.load_trace(file, experiment, u=input, y=output), experiment)
+    printer(json)(found)
+    finish_command(found, not found.reason, json)
+
+
+def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
+    """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
+    if path.suffix.lower() not in ("", ".toml"):
+        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
+    return axis_file.load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
 
 
 @servo_app.command(name="check")
@@ -44,7 +167,7 @@ def check_gains(
     design: Annotated[
         list[Path] | None,
         typer.Option(
-            help="What was played, as 'nlfrf axis design' or 'design' wrote it; one, or repeated for each trace."
+            help="What was played, as 'robust servo design' or 'nlfrf design' wrote it; one, or one for each trace."
         ),
     ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| over the set that counts as safe.")] = 2.0,
@@ -146,10 +269,20 @@ def _split_gains(files: list[Path]) -> tuple[list[Path], Path]:
     return traces, gains[0]
 
 
-def _load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
+def _load_experiment(path: Path) -> nlfrf.signals.AxisExperiment:
+    """Return the experiment on a drive that a design file holds."""
+    found = nlfrf.load(path)
+    if not isinstance(found, nlfrf.signals.AxisExperiment):
+        raise ValueError(
+            f"design must be what 'robust servo design' wrote, got {path.name} with a {type(found).__name__}"
+        )
+    return found
+
+
+def _load_experiments(designs: list[Path]) -> list[nlfrf.signals.AxisExperiment]:
     """Return the experiments on a drive that were played; none where it was one multisine."""
     played = [nlfrf.load(one) for one in designs]
-    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
+    experiments = [one for one in played if isinstance(one, nlfrf.signals.AxisExperiment)]
     if len(played) > max(len(experiments), 1):
         raise ValueError(
             "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
@@ -166,5 +299,5 @@ def _require_design(traces: list[Path]) -> None:
         if file.full_name("u") not in file.arrays and file.full_name("force set point") in file.arrays:
             raise ValueError(
                 f"design must be given for {path.name}, which looks like the trace of a servo axis: the .npz that "
-                "'nlfrf axis design' wrote. For another trace give --input and --output"
+                "'robust servo design' wrote. For another trace give --input and --output"
             ) from None

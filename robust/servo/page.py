@@ -59,7 +59,7 @@ def write_page(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> from robust.servo import check
     >>> axis = nlfrf.servo_axis("linear motor")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)

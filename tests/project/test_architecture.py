@@ -19,7 +19,6 @@ ARROWS = {
     "nlfrf.rig": "bla records signals",
     "nlfrf.io": "bla records signals",
     "nlfrf.plot": "bla records signals",
-    "nlfrf.axis": "io rig bla records signals",
     "nlfrf.doctor": "",
     "robust._base": "",
     "robust.lti": "",
@@ -44,12 +43,12 @@ PARTS = {
     "robust.proofs": {"exact": "", "search": "exact"},
     "robust.friction": {"exact": "", ".": "", "proof": "exact .", "reading": "."},
     "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "."},
-    "robust.servo": {"gains": "", "checking": "gains", ".": "checking gains"},
+    "robust.servo": {"gains": "", "experiment": "", "checking": "experiment gains", ".": "checking experiment gains"},
     "robust.reports": {".": "", "shaping_page": ""},
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
 FACES = {
-    *("nlfrf", "nlfrf.axis", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
+    *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *(
         "robust",
         "robust.cli",
@@ -61,7 +60,7 @@ FACES = {
     ),
 }
 #: What `robust` may take from `nlfrf`: its public names.
-NLFRF_FACES = {"nlfrf", *(f"nlfrf.{name}" for name in ("axis", "bla", "friction", "io", "plot", "rig", "signals"))}
+NLFRF_FACES = {"nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "io", "plot", "rig", "signals"))}
 #: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
     "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes nlfrf.rig.studies.figures "

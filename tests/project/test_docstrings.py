@@ -19,6 +19,7 @@ REFUSES = re.compile(r"\braise\b|\b(?:require|check)_\w+\(")
 OWN = {
     *("nlfrf.DataWarning", "nlfrf.signals.LineGrid", "nlfrf.rig.Trajectory"),
     *("nlfrf.Record", "nlfrf.record_from_samples"),
+    *("nlfrf.io.SetPoints", "nlfrf.io.load_set_points", "nlfrf.io.in_design_units"),
     *("nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
     *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.export_csv", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.io.controller_sections", "robust.io.export_matlab", "robust.frd"),

@@ -58,7 +58,7 @@ def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch
     for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL):
         Path(re.match(r"# (\S+\.toml)\n", block)[1]).write_text(block, encoding="utf-8")
     commands = re.findall(r"^    ((?:nlfrf|robust) .*)$", page, re.MULTILINE)
-    design, play, judge = "nlfrf axis design", "nlfrf axis play", "robust servo check"
+    design, play, judge = "robust servo design", "robust servo play", "robust servo check"
     assert [" ".join(one.split()[:3]) for one in commands] == [design, play, judge, design, play, play, judge]
     for step, command in enumerate(commands):
         program, *words = shlex.split(command)

@@ -29,8 +29,8 @@ COMMANDS = (
     "nlfrf frf bode.csv --relative-std 0.02 -o {}",
     "nlfrf plot bla.npz -o {}",
     "nlfrf reproduce --realizations 10 -o {}",
-    "nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
-    "nlfrf axis play belt played.csv -o {}",
+    "robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
+    "robust servo play belt played.csv -o {}",
     "robust model bla.npz --poles 2 -o {}",
     "robust model bla.npz --poles 2 -o other.json --picture {}",
     "robust design model.json --bandwidth 5 -o {}",
@@ -78,7 +78,7 @@ def files(tmp_path_factory):
     robust.save(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
-    assert run("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
+    assert run("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
     Path("bode.csv").write_text("Frequency (Hz),Gain (dB),Phase (deg)\n10,0,-45\n20,-20,-90\n")
     (folder / "sub").mkdir()
     yield folder
@@ -182,7 +182,7 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
         ("nlfrf identify multi.npz -o G.npz --csv", "G-bla.csv"),
         (DESIGN.format("exc.csv"), "exc.npz"),
         (DESIGN.format("exc.wav"), "exc.npz"),
-        ("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv", "move.npz"),
+        ("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv", "move.npz"),
         ("robust export Kc.json -o Kc.mat", "load_Kc.m"),
         ("robust check model.json Kc.json K.json -o r.txt", "r-K.txt"),
         ("robust check model.json Kc.json -o r.txt", "r.certificate.json"),

@@ -14,7 +14,15 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, rfft, rfft_at, squared_modulus, streams_equal
+from nlfrf._base.numbers import (
+    BLOCK_ENTRIES,
+    clipped_share,
+    iterate_blocks,
+    rfft,
+    rfft_at,
+    squared_modulus,
+    streams_equal,
+)
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
 from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
@@ -25,7 +33,6 @@ _HALF_WIDTH = 24  # samples on either side that the band-limited interpolation l
 MAX_LINES = 1 << 14  # lines that tell delays well enough
 _FEW_PERIODS = 8  # steps of which one or two may be jumps, and the median halfway into them
 _CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
-_PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
 _PART, _FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
 #: Of an output that repeats its last value where its sensor is slow: share of the samples that begin anew behind a
 #: repetition; repetitions to steps of one quantum, of which rounding makes as many; of the runs of repetitions share
@@ -315,31 +322,6 @@ def _kaiser_windows() -> np.ndarray:
     windows = np.linalg.solve(np.vander(nodes), sign * i0(_KAISER_BETA * np.sqrt(1 - away**2)))
     windows.flags.writeable = False
     return windows
-
-
-def clipped_share(x: np.ndarray) -> float:
-    """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
-
-    A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
-    level: smooth peaks are at most `_PILE_RATIO` times as long in the highest one.
-
-    >>> x = np.sin(np.arange(1000) / 50)
-    >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
-    (0.0, True)
-    """
-    n = 0
-    for signed, extreme in ((1.0, float(x.max())), (-1.0, float(x.min()))):
-        some_in_a_row, flat_ones, following = False, 0, -np.inf
-        for some in iterate_blocks(x.size):
-            part = x[max(0, some.start - 2) : some.stop]
-            flat = part == extreme  # a row may begin in the block before
-            some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
-            flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
-            following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
-        if some_in_a_row:
-            costs = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
-            n += flat_ones if flat_ones > _PILE_RATIO * costs else 0
-    return n / x.size
 
 
 def longest_constant_run(x: np.ndarray) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.arguments import data_warning, format_count
-from nlfrf.records.screening.input import clipped_share
+from nlfrf._base.numbers import clipped_share
 
 # ---- A position that starts again at every turn jumps by a whole turn where it moves by little.
 

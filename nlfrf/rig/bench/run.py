@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind, require_known, short_form
+from nlfrf._base.drive_entries import PORTS
 from nlfrf.rig.bench.closed_loop import as_controller, run_axes_loop, run_one_loop, steps_per_sample
 from nlfrf.rig.bench.motion import run_law, run_rig
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.servo import ServoAxis, run_axis
 from nlfrf.rig.bench.trajectory import Trajectory
 from nlfrf.rig.laws.laws import Friction
-from nlfrf.signals.axis_experiment import PORTS
 
 
 def run(

@@ -31,6 +31,7 @@ from nlfrf._base.arguments import (
     require_positive,
     require_real,
 )
+from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
@@ -42,7 +43,7 @@ from nlfrf.rig.bench.trajectory import Trajectory
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
-from nlfrf.signals.axis_experiment import PORTS, stepped_profile
+from nlfrf.signals.axis_experiment import stepped_profile
 from nlfrf.signals.multisine import Multisine, require_one_input
 
 _MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}

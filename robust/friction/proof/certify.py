@@ -172,7 +172,7 @@ class FrictionProof:
     >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
     >>> proof.verdict, proof.counterexample
     ('proved', None)
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> from robust.servo import cascade
     >>> K = cascade(Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04), output_unit="N")
     >>> proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(1e5, 2.0), Fs=1.0)

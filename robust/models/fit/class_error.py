@@ -51,10 +51,10 @@ def mean_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
 def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np.ndarray | float = 1.0) -> np.ndarray:
     """Return (..., W) |T_c| of a loop with that crossover [rad/s]; one where it is nan.
 
-    |T_c| = 1/sqrt(1 + 1/|L|^2). Beyond 2 omega_c the loop gain L falls by one slope with the controller and by up to
-    one more with the plant: 1/sqrt(1 + (omega/2 omega_c)^4) for a mass, 1/sqrt(1 + (omega/2 omega_c)^2) for a flat |G|.
+    |T_c| = 1/sqrt(1 + 1/|L|^2) with |L| = (2 omega_c/omega)^n. Beyond the crossover the loop gain falls by one slope
+    with the controller and by up to one more with the plant: n = 2 for a mass, and n = 1 where |G| is flat.
 
-    smooth : (..., W) |G| smoothed.
+    smooth : (..., W) |G| smoothed; its mean slope beyond the crossover is the fall of the plant.
     shape : |G| over |G| smoothed, where the loop gain of a smooth controller rises and falls with it.
 
     >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0, np.array([1.0, 1.0, 0.01])).round(3).tolist()
@@ -65,10 +65,13 @@ def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np
     if np.isnan(omega_c):
         return np.ones(np.shape(smooth))
     x = omega / (2 * omega_c)
-    corner = smooth[..., [int(np.argmin(np.abs(x - 1)))]]
-    by_plant = np.where(x < 1, x, np.clip(corner / smooth, 1.0, np.maximum(x, 1.0)))
+    beyond = x >= 0.5
+    u, level, share = np.log(x[beyond]), np.log(smooth[..., beyond]), 1 / x[beyond]  # each octave counts the same
+    u = u - np.average(u, weights=share) if u.size else u
+    spread = max(float(share @ u**2), np.finfo(float).tiny)
+    n = 1 + np.clip(-(level * share) @ u / spread, 0.0, 1.0)[..., None]
     with np.errstate(divide="ignore"):
-        return np.asarray(1 / np.sqrt(1 + (x * by_plant / shape) ** 2))
+        return np.asarray(1 / np.sqrt(1 + (np.where(x < 1, x**2, x**n) / shape) ** 2))
 
 
 def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:

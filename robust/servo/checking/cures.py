@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop

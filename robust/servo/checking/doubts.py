@@ -12,7 +12,7 @@ import nlfrf
 from nlfrf._base.arguments import (
     format_hertz,
 )
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import classical_margins
 from robust.analysis.report import RobustnessReport
@@ -49,8 +49,8 @@ def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, 
     return Doubt(
         DoubtKind.AT_REST,
         f"{found}. Unless a spring is part of the machine, this cannot judge the gains: in motion the axis is another "
-        "machine. Take a trace in motion: nlfrf axis design ... --velocity V, then --design here. With a spring, give "
-        "three levels or more",
+        "machine. Take a trace in motion: robust servo design ... --velocity V, then --design here. With a spring, "
+        "give three levels or more",
     )
 
 
@@ -96,7 +96,7 @@ def doubt_of_unstable_model(
             DoubtKind.CONTRADICTED,
             f"the machine that all traces at rest give is proved stable with these gains, and the linear model of "
             f"{name} is unstable: it has the friction at rest in it. Take a trace in motion, in a band around the "
-            "crossover: nlfrf axis design ... --velocity V, then --design here",
+            "crossover: robust servo design ... --velocity V, then --design here",
         )
     if under.gains is RecordedGains.SAME:
         return Doubt(

@@ -17,7 +17,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.types import JsonObject
 from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.states import State
 from robust.analysis.performance import StepResponse
 from robust.analysis.report import RobustnessReport

@@ -14,7 +14,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, pad_states

@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
     require_kind,
     require_positive,
 )
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.states import Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
@@ -129,7 +129,7 @@ def check(
 
     Examples
     --------
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> axis = nlfrf.servo_axis("linear motor")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
     >>> record = nlfrf.rig.simulate_servo(axis, ms, n_periods=2, base_velocity=0.1)

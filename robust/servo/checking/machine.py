@@ -12,7 +12,7 @@ import nlfrf
 from nlfrf._base.arguments import (
     format_hertz,
 )
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.analysis.performance import classical_margins
 from robust.friction.reading.balance import HALF_WIDTH, motion_of_record
 from robust.friction.reading.in_motion import fit_linear

@@ -12,8 +12,9 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.units import POSITIONS
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.servo.checking.findings import BaseMotion, Conditions, RecordedGains
+from robust.servo.experiment.levels import AxisLevels, FrictionRegime, find_levels
 
 
 def read_trace(
@@ -69,7 +70,7 @@ def read_traces(
     Examples
     --------
     >>> import tempfile
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> gains = Drive(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
     >>> record = nlfrf.rig.simulate_servo(nlfrf.servo_axis("linear motor"), ms, n_periods=2)
@@ -100,14 +101,14 @@ def collect_warnings(name: str) -> Iterator[list[str]]:
             yield texts
     finally:
         data = [one for one in caught if issubclass(one.category, nlfrf.DataWarning)]
-        texts += [f"{name}: {one.message}" for one in data if one.category is not nlfrf.axis.LevelWarning]
+        texts += [f"{name}: {one.message}" for one in data if one.category is not nlfrf.io.LevelWarning]
         for one in caught:
             warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
 
 def read_experiments(
     traces: Sequence[Path],
-    designs: Sequence[nlfrf.axis.AxisExperiment],
+    designs: Sequence[nlfrf.signals.AxisExperiment],
     settings: Drive,
     *,
     actual: bool = False,
@@ -123,13 +124,13 @@ def read_experiments(
     ----------
     traces : sequence of Path
         One file a realisation.
-    designs : sequence of nlfrf.axis.AxisExperiment
+    designs : sequence of nlfrf.signals.AxisExperiment
         One for all traces, or that of each trace, in their order.
     settings, actual
         As for `read_trace`.
     n_levels : int
         Levels to take of a pre-test, from sticking to sliding; motor and load need more than three.
-    u, y, fs, start : as for `nlfrf.axis.load_trace`.
+    u, y, fs, start : as for `nlfrf.io.load_trace`.
 
     Returns
     -------
@@ -144,11 +145,12 @@ def read_experiments(
     ------
     ValueError
         Traces that are more or fewer than those of the designs; pre-tests only, which do not show three levels; as
-        `read_trace` and `nlfrf.axis.load_trace`.
+        `read_trace` and `nlfrf.io.load_trace`.
     Examples
     --------
     >>> import tempfile
-    >>> from nlfrf.axis import Drive, design_experiment, play_experiment
+    >>> from nlfrf.rig import Drive
+    >>> from robust.servo import design_experiment, play_experiment
     >>> axis = nlfrf.servo_axis("linear motor")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=1)
     >>> moving = design_experiment(axis, ms, rms=60, base_velocity=0.1, strokes=1)
@@ -177,10 +179,10 @@ def read_experiments(
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
-            found, labels = nlfrf.axis.load_trace(paths, design, u=u, y=y, fs=fs, start=start), design.labels
+            found, labels = nlfrf.io.load_trace(paths, design, u=u, y=y, fs=fs, start=start), design.labels
         warned_texts += warned
         if design.is_ramp:
-            read = nlfrf.axis.find_levels(found, design)
+            read = find_levels(found, design)
             levels_at_rest += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
             if read.reason:
                 unread.append(f"{paths[0].name}: {read.reason}")
@@ -200,10 +202,10 @@ def read_experiments(
     return records, names, [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions]
 
 
-def _choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
+def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
-    states = nlfrf.axis.FrictionRegime
+    states = FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
     if count <= len(named) or top - named[0] + 1 < count:
@@ -211,7 +213,7 @@ def _choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     return np.unique(np.round(np.linspace(named[0], top, count)).astype(int)).tolist()
 
 
-def compare_gains(design: nlfrf.axis.AxisExperiment, settings: Drive) -> RecordedGains:
+def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> RecordedGains:
     """Compare the gains an experiment was designed for with these; unknown where kp cannot be converted to A."""
     try:
         kp = settings.gain * settings.output_factor("A")

@@ -13,7 +13,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce, coupled_load
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length

@@ -13,7 +13,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.lti.lti import with_names
 from robust.servo.gains.p_pi import (
     hold_mean,

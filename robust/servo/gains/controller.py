@@ -22,7 +22,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.types import LinearSystem
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import multivariable
@@ -58,7 +58,7 @@ class _DriveReading:
 
     Examples
     --------
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> from robust.servo import cascade
     >>> settings = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
     >>> found = gains_from_controller(cascade(settings), like=settings)
@@ -110,7 +110,7 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
     --------
     A PID of kp (s + 1/tn)(s + kv)/s, with kp = 2 A/(m/s), tn = 10 ms, kv = 40 1/s, and with a derivative filter.
 
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> from robust.shaping import pid
     >>> drive = Drive(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
     >>> found = gains_from_controller(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings

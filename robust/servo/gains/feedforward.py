@@ -20,7 +20,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, require_nonnegative, require_real, short_form
 from nlfrf._base.values import value
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.types import LinearSystem
 from robust.friction.plant import FrictionPlant
 from robust.friction.reading.assumed_class import FrictionClass
@@ -175,7 +175,7 @@ def feedforward(
 
     Examples
     --------
-    >>> from nlfrf.axis import Drive
+    >>> from nlfrf.rig import Drive
     >>> drive = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=50.0, lag=0.3e-3)
     >>> print(feedforward(control.tf([1], [12, 20, 0]), coulomb=(14, 16), settings=drive))
     acceleration: 0.24027 A/(m/s^2)

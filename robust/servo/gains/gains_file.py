@@ -13,7 +13,7 @@ from nlfrf._base.arguments import require_positive, short_form
 from nlfrf._base.drive_entries import USUAL_KV, is_unusual_gain, read_drive_entries
 from nlfrf._base.types import Json
 from nlfrf._base.units import parse_quantity
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.warnings import DesignWarning
 from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch
 

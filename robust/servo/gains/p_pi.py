@@ -13,7 +13,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust._base.warnings import DesignWarning
 from robust.lti.connections import block_diagonal, in_parallel, in_series
 from robust.lti.lti import with_names

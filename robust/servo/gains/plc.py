@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.servo.gains.p_pi import velocity_section
 
 #: Words of IEC 61131-3 that no block can be named after.

@@ -10,9 +10,10 @@ import pytest
 from scipy.io import savemat
 
 import nlfrf
+from nlfrf._base.numbers import clipped_share
 from nlfrf.records.period import detect_period
 from nlfrf.records.screening.gaps import find_slips
-from nlfrf.records.screening.input import clipped_share, interpolate_bandlimited
+from nlfrf.records.screening.input import interpolate_bandlimited
 from nlfrf.records.screening.output import align_output
 
 N = 1000

@@ -25,8 +25,8 @@ from benchmarks.read_machine import (
     pulls_of,
     truth_of,
 )
-from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders, element_forces, load_forces
+from nlfrf.rig import Drive
 from robust.friction.reading.balance import (
     LOAD,
     Candidate,

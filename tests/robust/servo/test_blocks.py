@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robust
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust import tuning
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 
 import nlfrf
 import robust
-from nlfrf.axis import Drive
-from nlfrf.axis.loop import port_frf
+from nlfrf.rig import Drive
 from robust.lti.lti import response_by_channel
 from robust.servo import cascade
+from robust.servo.experiment.loop import port_frf
 from robust.servo.gains.p_pi import with_set_point
 from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of

@@ -100,8 +100,8 @@ def played(folder):
         *((name, 100, {"rms": rms, "n_periods": 3}) for name, rms in LEVELS.items()),
     ):
         ms = nlfrf.multisine(f_max=f_max, **band)
-        nlfrf.save(nlfrf.axis.design_experiment(axis, ms, n_discard=1, **more), folder / f"{name}.csv")
-        nlfrf.axis.play_experiment(axis, folder / f"{name}.csv", folder / f"{name}-trace.csv")
+        nlfrf.save(robust.servo.design_experiment(axis, ms, n_discard=1, **more), folder / f"{name}.csv")
+        robust.servo.play_experiment(axis, folder / f"{name}.csv", folder / f"{name}-trace.csv")
     return folder
 
 
@@ -683,12 +683,12 @@ def test_a_trace_in_motion_enters_by_its_design(run):
 @pytest.mark.parametrize("seed", [6, 10])  # scatter in which a fit has an unstable pole that a zero cancels
 def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
     axis = nlfrf.servo_axis("linear motor")
-    limits = nlfrf.axis.AxisLimits(force=400, travel=0.5)
+    limits = nlfrf.signals.AxisLimits(force=400, travel=0.5)
     motion = {"base_velocity": 0.1, "strokes": 1, "limits": limits}
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=seed)
-    experiment = nlfrf.axis.design_experiment(axis, ms, **motion)
+    experiment = robust.servo.design_experiment(axis, ms, **motion)
     nlfrf.save(experiment, folder / f"s{seed}.csv")
-    nlfrf.axis.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
+    robust.servo.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
     settings = load_gains(folder / "gains.toml")
     records, names, conditions = read_experiments([folder / f"s{seed}-trace.csv"], [experiment], settings)
     for record, name, one in zip(records, names, conditions, strict=True):
@@ -721,7 +721,7 @@ def test_a_trace_at_rest_cannot_judge_the_gains_it_was_recorded_with(run):
     assert "the model is unstable: the nominal loop has a pole at" in page
     held = re.search(r"the axis is held, as by a spring of (\S+) N/m from 9 to 27 Hz", page)
     assert 5e5 < float(held[1]) < 2e6  # below its presliding stiffness of 2e6
-    assert "Take a trace in motion: nlfrf axis design ... --velocity V, then --design here" in page
+    assert "Take a trace in motion: robust servo design ... --velocity V, then --design here" in page
     assert "rest-trace.csv at rest was recorded with these gains, by its design, in a loop that was stable" in page
     assert "not 5 as designed" in warned
 
@@ -815,9 +815,9 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     axis = nlfrf.servo_axis("linear motor")
     settings = load_gains(folder / "gains.toml")
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
-    ramp = nlfrf.axis.design_ramp(axis, ms, rms=50, n_levels=12)
+    ramp = robust.servo.design_ramp(axis, ms, rms=50, n_levels=12)
     nlfrf.save(ramp, folder / "ramp.csv")
-    nlfrf.axis.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
+    robust.servo.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
     records, names, conditions = read_experiments([folder / "ramp-trace.csv"], [ramp], settings)
     assert names == [f"ramp-trace.csv {state}" for state in ("sticks", "bends", "slides")]
     assert [one[:2] for one in conditions] == [(RecordedGains.SAME, BaseMotion.AT_REST)] * 3
@@ -831,9 +831,9 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     assert forces[0] == np.std(records[0].u)
     assert forces[-1] >= np.std(records[-1].u)
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
-    low = nlfrf.axis.design_ramp(axis, ms, rms=2, n_levels=4)
+    low = robust.servo.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "few.csv")
-    nlfrf.axis.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
+    robust.servo.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
     with pytest.raises(ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "):
         read_experiments([folder / "few-trace.csv"], [low], settings)
 
@@ -842,9 +842,9 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
 def test_a_pre_test_that_shows_no_friction_leaves_it_unjudged(run, folder):
     axis = nlfrf.servo_axis("linear motor")
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
-    low = nlfrf.axis.design_ramp(axis, ms, rms=2, n_levels=4)
+    low = robust.servo.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "short.csv")
-    nlfrf.axis.play_experiment(axis, folder / "short.csv", folder / "short-trace.csv")
+    robust.servo.play_experiment(axis, folder / "short.csv", folder / "short-trace.csv")
     code, page, _ = run("short-trace.csv motion-trace.csv gains.toml --design short.npz --design motion.npz")
     assert code == 3, page
     assert page.startswith("gains\nlinear loop passed; friction not judged: ")

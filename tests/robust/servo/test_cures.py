@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction
 from robust.friction import any_maxwell_slip
 from robust.servo import cascade, friction_cures

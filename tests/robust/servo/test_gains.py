@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 import robust
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.servo import cascade, gains_from_controller
 from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.in_motion import SlidingFit
 from robust.servo.checking.findings import DriveCheck, DriveVerdict

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.servo import cascade, structured_text
 from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless, settings_of

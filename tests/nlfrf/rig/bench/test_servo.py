@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from nlfrf import DataWarning, identify, multisine, servo_axis
-from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from nlfrf.rig import Controller, Rig, ServoAxis, run, simulate_servo
+from nlfrf.rig import Controller, Drive, Rig, ServoAxis, run, simulate_servo
 
 FS = 4000.0
 TS = 1 / FS

@@ -8,7 +8,7 @@ import pytest
 
 import robust
 from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
 from robust.friction.plant import (
     FrictionPlant,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from nlfrf.axis import Drive
+from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.nominal import machines_of_nominal, undamped

@@ -7,9 +7,11 @@ import pytest
 
 import nlfrf
 from nlfrf import identify, multisine, servo_axis
-from nlfrf.axis import AxisLimits, design_experiment, design_ramp, load_trace, play_experiment
-from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, plant_frf
+from nlfrf.io import load_trace
 from nlfrf.rig import run
+from nlfrf.signals import AxisLimits
+from robust.servo import design_experiment, design_ramp, play_experiment
+from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, plant_frf
 
 N = 2000
 BAND = {"fs": 4000, "n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}

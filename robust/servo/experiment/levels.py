@@ -12,14 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf import Record
 from nlfrf._base.arguments import require_kind, short_form
-from nlfrf._base.numbers import smallest_step, squared_modulus
+from nlfrf._base.numbers import clipped_share, smallest_step, squared_modulus
 from nlfrf._base.values import value
-from nlfrf.axis.loop import record_spectra
-from nlfrf.axis.trace import in_design_units
-from nlfrf.records.record import Record
-from nlfrf.records.screening.input import clipped_share
-from nlfrf.signals.axis_experiment import AxisExperiment
+from nlfrf.io import in_design_units
+from nlfrf.signals import AxisExperiment
+from robust.servo.experiment.loop import record_spectra
 
 _LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
 _STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
@@ -157,7 +156,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     Examples
     --------
     >>> import nlfrf, tempfile
-    >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
+    >>> from nlfrf.io import load_trace
+    >>> from robust.servo import design_ramp, play_experiment
     >>> axis = nlfrf.servo_axis("ball screw")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=2000, f_min=2, f_max=60, rng=1)
     >>> ramp = design_ramp(axis, ms, rms=2500, n_levels=14)

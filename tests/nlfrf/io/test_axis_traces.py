@@ -10,9 +10,10 @@ import pytest
 import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
-from nlfrf.axis import design_experiment, load_trace, play_experiment
-from nlfrf.axis.trace import likeness
-from tests.nlfrf.axis import test_levels
+from nlfrf.io import load_trace
+from nlfrf.io.axis_trace import likeness
+from robust.servo import design_experiment, play_experiment
+from tests.robust.servo.experiment import test_levels
 
 ROOT = Path(__file__).parents[3]
 N = 2000
@@ -191,9 +192,7 @@ def test_at_rest_another_force_than_designed_has_a_category_of_its_own(tmp_path)
     experiment = design_experiment(ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=2)
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
-    with pytest.warns(
-        nlfrf.axis.LevelWarning, match="friction, another machine, or a drive with another velocity feed"
-    ):
+    with pytest.warns(nlfrf.io.LevelWarning, match="friction, another machine, or a drive with another velocity feed"):
         load_trace(tmp_path / "trace.csv", experiment)
 
 

@@ -9,8 +9,9 @@ import pytest
 import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
-from nlfrf.axis import FrictionRegime, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from nlfrf.io import load_trace
 from nlfrf.rig import run
+from robust.servo import FrictionRegime, design_experiment, design_ramp, find_levels, play_experiment
 from tests.support.backlash import play_backlash
 
 N = 1000
@@ -136,7 +137,7 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.axis.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
+    drive = nlfrf.rig.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
     rough = nlfrf.rig.ServoAxis(motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive)
     ms = nlfrf.multisine(fs=2000, n_samples=1000, f_min=4, f_max=100, rng=1)
     ramp = design_ramp(rough, ms, rms=200, n_levels=14, span=3e3)
@@ -155,7 +156,7 @@ def test_play_in_front_of_a_load_with_friction_is_seen(tmp_path):
 
 def test_an_axis_that_vibrates_by_itself_is_not_taken_for_play(tmp_path):
     """On stiff bristles the loop is unstable: the axis vibrates by a micrometre, which makes dry friction viscous."""
-    drive = nlfrf.axis.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3)
+    drive = nlfrf.rig.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3)
     machine = {"motor_inertia": 34.6, "motor_damping": 96.0, "drive": drive, "resolution": 2e-9}
     ms = nlfrf.multisine(fs=1000, n_samples=1000, f_min=3, f_max=120, rng=1)
     said = []
@@ -175,7 +176,7 @@ def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
     slow = nlfrf.rig.ServoAxis(
         motor_inertia=1.256,
         motor_damping=3.49,
-        drive=nlfrf.axis.Drive(fs=2000, **gains),
+        drive=nlfrf.rig.Drive(fs=2000, **gains),
         resolution=3e-9,
         motor_friction=nlfrf.friction.Dahl(sigma0=5e6, Fc=4.9),
     )
@@ -187,7 +188,7 @@ def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
     fast = nlfrf.rig.ServoAxis(
         motor_inertia=34.6,
         motor_damping=96.0,
-        drive=nlfrf.axis.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3),
+        drive=nlfrf.rig.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3),
         resolution=2e-9,
         motor_friction=nlfrf.friction.Dahl(sigma0=4.9e7, Fc=86.3),
     )

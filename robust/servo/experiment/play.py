@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from nlfrf import load
 from nlfrf._base.arguments import require_kind
+from nlfrf._base.drive_entries import GAINS, PORTS, SAME_GAIN
 from nlfrf._base.files import require_writable, to_path, write_table
-from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.designs import load_experiment
-from nlfrf.rig.bench.run import run
-from nlfrf.rig.bench.servo import ServoAxis
-from nlfrf.rig.bench.trajectory import Trajectory
-from nlfrf.signals.axis_experiment import GAINS, PORTS, SAME_GAIN, AxisLimits
+from nlfrf.io import load_set_points
+from nlfrf.rig import ServoAxis, Trajectory, run
+from nlfrf.signals import AxisExperiment, AxisLimits
 
 
 def play_experiment(
@@ -64,7 +63,8 @@ def play_experiment(
     Examples
     --------
     >>> import nlfrf, tempfile
-    >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
+    >>> from nlfrf.io import load_trace
+    >>> from robust.servo import design_experiment, play_experiment
     >>> axis = nlfrf.servo_axis("belt")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
     >>> experiment = design_experiment(axis, ms, rms=20)
@@ -81,22 +81,15 @@ def play_experiment(
     if out.suffix.lower() != ".csv":
         raise ValueError(f"out must end in .csv, got {out.name!r}")
     require_writable(out)
-    file = read_channels(to_path(path))
+    found = load_set_points(path)
     _require_designed_gains(axis, to_path(path))
     position, force = axis.units
-    units = dict(zip(PORTS, (force, f"{position}/s", position), strict=True))
-    played = {port: _set_point(file, port, units[port]) for port in PORTS}
-    given = [port for port, signal in played.items() if signal is not None]
-    if not given:
-        raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
-    fs = file.sampling_frequency(None, tuple(given))
-    if abs(fs / axis.drive.fs - 1) > 1e-6:
-        raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {fs:g} Hz")
-    trace = run(
-        axis,
-        {"force": played["force"], "velocity": played["velocity"], "position": played["position"]},
-        oversampling=oversampling,
-    )
+    for port, unit in zip(PORTS, (force, f"{position}/s", position), strict=True):
+        if found.units.get(port, "") not in ("", unit):
+            raise ValueError(f"path must have its {port} in {unit}, as the axis has it, got it in {found.units[port]}")
+    if abs(found.fs / axis.drive.fs - 1) > 1e-6:
+        raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {found.fs:g} Hz")
+    trace = run(axis, {port: found.played.get(port) for port in PORTS}, oversampling=oversampling)
     n = _stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(
@@ -121,10 +114,10 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
     found = [
         one for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem))) if one.with_suffix(".npz").is_file()
     ]
-    design = None
+    design: object = None
     with suppress(ValueError):  # a file of the same name that is no design
-        design = load_experiment(found[0].with_suffix(".npz")) if found else None
-    if design is None:
+        design = load(found[0].with_suffix(".npz")) if found else None
+    if not isinstance(design, AxisExperiment):
         return
     drive = axis.drive
     own = (drive.kv, drive.gain, drive.tn, drive.velocity_feedforward)
@@ -141,16 +134,6 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
             f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r}, {numbers[1]}, "
             f"got {numbers[0]}: design again with these, or the force is another one than asked for"
         )
-
-
-def _set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
-    """Return the set points of a port, None where the file has none; refused in another unit."""
-    full = file.full_name(port)
-    if full not in file.arrays:
-        return None
-    if file.unit(full) not in ("", unit):
-        raise ValueError(f"path must have its {port} in {unit}, as the axis has it, got {full!r}")
-    return file.signal(port, port)
 
 
 def _stop_sample(trace: Trajectory, limits: AxisLimits) -> int:

@@ -121,7 +121,8 @@ def load_trace(
     Examples
     --------
     >>> import nlfrf, tempfile
-    >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
+    >>> from nlfrf.io import load_trace
+    >>> from robust.servo import design_experiment, play_experiment
     >>> axis = nlfrf.servo_axis("belt")
     >>> motion = {"base_velocity": 0.1, "strokes": 1}
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
@@ -212,7 +213,30 @@ def _unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], c
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
-    """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is."""
+    """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is.
+
+    Parameters
+    ----------
+    record : Record
+        A record of `load_trace`, in the units of its trace.
+    experiment : AxisExperiment
+        What was played. With its force constant a current becomes a force.
+
+    Returns
+    -------
+    Record
+
+    Examples
+    --------
+    >>> import nlfrf, robust.servo
+    >>> axis = nlfrf.servo_axis("belt")
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = robust.servo.design_experiment(axis, ms, rms=20)
+    >>> signals = {"u": ms.u[:, None], "y": ms.u[:, None], "u_unit": "N", "y_unit": "mm"}
+    >>> record = Record(fs=4000, lines=ms.lines, **signals)
+    >>> in_design_units(record, experiment).y_unit
+    'm'
+    """
     u = _unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.force_constant)
     y = _unit_ratio(record.y_unit, experiment.position_unit, POSITIONS)
     return replace(

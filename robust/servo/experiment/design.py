@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf import Bla, Multisine, Record
 from nlfrf._base.arguments import (
     data_warning,
     require_choice,
@@ -15,14 +16,11 @@ from nlfrf._base.arguments import (
     require_positive,
     require_real,
 )
+from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.units import POSITIONS
-from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, drive_loop
-from nlfrf.bla.bla import Bla
-from nlfrf.records.record import Record
-from nlfrf.rig.bench.run import run
-from nlfrf.rig.bench.servo import ServoAxis
-from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
-from nlfrf.signals.multisine import Multisine, require_one_input
+from nlfrf.rig import ServoAxis, run
+from nlfrf.signals import AxisExperiment, AxisLimits
+from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
 
 #: A drive with a rough machine, alone or with a measured FRF in place of that of the machine; a record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
@@ -204,7 +202,9 @@ def _wanted_force(source: Source, ms: Multisine) -> Multisine:
     """Return the multisine that is wanted of the force, at an rms of one."""
     origin = source[0] if isinstance(source, tuple) else source
     require_kind("source", origin, ServoAxis, Record)
-    require_one_input(ms)
+    require_kind("ms", ms, Multisine)
+    if not ms.is_single:
+        raise ValueError(f"ms must be of one input, got one of {ms.n_inputs}")
     fs = origin.drive.fs if isinstance(origin, ServoAxis) else origin.fs
     if abs(ms.fs / fs - 1) > 1e-9:
         raise ValueError(f"ms must be sampled as the source is, at {fs:g} Hz, got {ms.fs:g} Hz")

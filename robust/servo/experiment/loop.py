@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from nlfrf._base.numbers import rfft_at
 from nlfrf._base.units import POSITIONS
-from nlfrf.bla.bla import Bla
-from nlfrf.records.record import Record
-from nlfrf.rig.bench.servo import ServoAxis
+from nlfrf.rig import ServoAxis
 
 
 def drive_loop(

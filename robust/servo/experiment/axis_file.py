@@ -12,8 +12,7 @@ from nlfrf._base.drive_entries import read_drive_entries
 from nlfrf._base.files import to_path
 from nlfrf._base.types import JsonObject
 from nlfrf._base.units import parse_quantity
-from nlfrf.rig.bench.drive import Drive
-from nlfrf.rig.bench.servo import ServoAxis
+from nlfrf.rig import Drive, ServoAxis
 
 #: Entry -> kind of quantity of a linear and of a rotary axis.
 _AXIS_KINDS = {
