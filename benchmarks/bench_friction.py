@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -115,7 +116,8 @@ def main():
     print("LuGre, 1 s at 4096 Hz")
     against_lsoda()
     if options.full:
-        from nlfrf.rig.studies.reproduce import reproduce
+        sys.path.append(str(Path(__file__).parents[1] / "examples" / "paper"))
+        from reproduce import reproduce
 
         with tempfile.TemporaryDirectory() as folder:
             elapsed = best(lambda: reproduce(folder, n_realizations=100), 1, time.perf_counter)

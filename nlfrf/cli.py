@@ -56,7 +56,6 @@ _OPTIONS = LOAD_OPTIONS | {
     "f_max": "f-max",
     "columns": "columns",
 }
-_UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until they are written
 _MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
 _SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
@@ -401,35 +400,6 @@ def plot(
         draw(content, ax=ax)
     save_figure(out, figure, dpi=120)
     plt.close(figure)
-
-
-@app.command()
-def reproduce(
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the figures, findings.json and findings.md.")],
-    realizations: Annotated[int, typer.Option(help="Realisations for each level and grid; the paper has 100.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the random phases.")] = 1,
-    resume: Annotated[
-        Path | None,
-        typer.Option(help="Folder that keeps finished realisations; else one in --out, until all are done."),
-    ] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table of findings.md, in Markdown.")] = False,
-) -> None:
-    """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
-    from nlfrf.rig.studies.reproduce import reproduce as repeat
-
-    kept = out / _UNFINISHED if resume is None else resume
-    try:
-        with progress_display("simulating") as advance:
-            findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=kept)
-    except KeyboardInterrupt:
-        typer.echo(f"finished realisations are in {kept}: the same command goes on from there", err=True)
-        raise
-    if resume is None:
-        for path in kept.glob("*.npz"):
-            path.unlink()
-        kept.rmdir()
-    print((out / "findings.md").read_text().strip() if markdown else "\n\n".join(map(str, findings)))
-    print(f"{len(findings)} findings")
 
 
 @app.command()

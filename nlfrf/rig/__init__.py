@@ -3,7 +3,6 @@
 bench    the friction rig, simulated
 kernels  compiled steps of friction laws and of sampled loops; numba is imported only here
 laws     friction laws and hysteresis
-studies  the figures of the paper, and findings on its claims
 """
 
 import lazy_loader

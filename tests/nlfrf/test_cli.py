@@ -212,13 +212,6 @@ def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):
     assert not (tmp_path / "out.npz").exists()
 
 
-def test_too_few_realisations_of_the_paper_are_refused(nlfrf_command, tmp_path):
-    code, _, err = nlfrf_command("reproduce", "--realizations", "3", "--out", "paper")
-    assert code == 2
-    assert "--realizations must be a whole number of at least 10, got 3" in err
-    assert not (tmp_path / "paper").exists()
-
-
 @pytest.mark.data
 def test_the_linear_guide_is_diagnosed(nlfrf_command, measured):
     file = measured / "linear_guide" / "exp1.mat"

@@ -37,7 +37,7 @@ ARROWS = {
 #: The modules that lie in the package itself are the part named ".".
 PARTS = {
     "nlfrf.records": {"screening": "", ".": "screening"},
-    "nlfrf.rig": {"kernels": "", "laws": "kernels", "bench": "laws kernels", "studies": "bench"},
+    "nlfrf.rig": {"kernels": "", "laws": "kernels", "bench": "laws kernels"},
     "nlfrf.io": {"readers": "", ".": "readers"},
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
@@ -63,8 +63,7 @@ FACES = {
 NLFRF_FACES = {"nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "io", "plot", "rig", "signals"))}
 #: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
-    "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes nlfrf.rig.studies.figures "
-    "robust.reports.parts nlfrf.cli robust.cli",
+    "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes robust.reports.parts nlfrf.cli robust.cli",
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "

@@ -28,7 +28,6 @@ COMMANDS = (
     "nlfrf inspect mid.csv --picture {}",
     "nlfrf frf bode.csv --relative-std 0.02 -o {}",
     "nlfrf plot bla.npz -o {}",
-    "nlfrf reproduce --realizations 10 -o {}",
     "robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
     "robust servo play belt played.csv -o {}",
     "robust model bla.npz --poles 2 -o {}",
@@ -189,7 +188,6 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
         ("robust check model.json Kc.json K.json --picture r.png", "r-K.png"),
         ("robust prove model.json Kc.json --stiffness 8e4 -o p.txt", "p.certificate.json"),
         ("robust prove model.json Kc.json --stiffness 8e4 -o p.txt", "p.2.certificate.json"),
-        ("nlfrf reproduce --realizations 10 -o sub", "sub/findings.json"),
     ],
 )
 def test_a_name_that_a_command_makes_up_takes_no_file(files, command, foreign):

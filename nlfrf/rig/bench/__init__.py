@@ -2,6 +2,7 @@
 
 closed_loop  a sampled controller around the rig, or a stack of them
 drive        a drive: gains, filters, sampling and units, of a simulated axis as of a real one
+level_study  a multisine at several levels of excitation
 machine      machines of several coupled masses
 motion       a rig or a friction law without a controller, from rest on
 rig          the machine `Rig`, the paper's own `paper_rig`, a stage of two axes

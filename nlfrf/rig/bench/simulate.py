@@ -211,7 +211,7 @@ _MAX_PERIOD_CHANGE = 1e-4
 
 
 @value
-class Experiment:
+class _Experiment:
     """One realisation of a multisine on a rig, and how it is integrated: the argument of a worker."""
 
     rig: Rig
@@ -290,7 +290,7 @@ def simulate(
     """
     require_kind("rig", rig, Rig)
     require_kind("ms", ms, Multisine)
-    experiment = Experiment(
+    experiment = _Experiment(
         rig=rig,
         ms=ms,
         n_periods=require_integer("n_periods", n_periods, least=1),
@@ -304,7 +304,7 @@ def simulate(
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
     require_stable_step(rig.stable_step, ms.fs, oversampling)
     warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
-    outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
+    outcomes = run_all(_run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])
     if np.any(change > _MAX_PERIOD_CHANGE):
         warnings.warn(
@@ -317,7 +317,7 @@ def simulate(
     return _make_record(rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold)
 
 
-def run_experiment(experiment: Experiment) -> Arrays:
+def _run_experiment(experiment: _Experiment) -> Arrays:
     """Integrate one realisation from rest; runs in a worker.
 
     Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
@@ -332,8 +332,8 @@ def run_experiment(experiment: Experiment) -> Arrays:
     return outcome
 
 
-def _try_experiment(experiment: Experiment) -> Arrays | None:
-    """Return the result of `run_experiment`; None where the step was too long to be stable."""
+def _try_experiment(experiment: _Experiment) -> Arrays | None:
+    """Return the result of `_run_experiment`; None where the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
     memory = initial_memory(rig)
     drive = force_over_period(ms, steps, experiment.hold)
@@ -351,7 +351,7 @@ def _try_experiment(experiment: Experiment) -> Arrays | None:
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
 
-def _sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
+def _sensor_positions(experiment: _Experiment, x: np.ndarray) -> np.ndarray:
     """Return the (N,) position of the only axis or sensor, or (n_y, N) of several, from the positions of the axes."""
     if not experiment.rig.several:
         return x.copy()

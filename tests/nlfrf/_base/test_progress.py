@@ -65,32 +65,6 @@ def test_nothing_is_written_to_a_file(monkeypatch):
         nlfrf.progress_bar(3)
 
 
-def test_an_interrupted_reproduction_keeps_what_is_finished(nlfrf_command, monkeypatch, tmp_path):  # noqa: F811
-    """The second run finds it, and leaves the results alone behind."""
-    found = []
-
-    def reproduce(out, *, resume, progress, **_):
-        resume.mkdir(parents=True, exist_ok=True)
-        found.append(sorted(path.name for path in resume.iterdir()))
-        (resume / "one.npz").touch()
-        progress(1, 2)
-        if len(found) == 1:
-            raise KeyboardInterrupt
-        (out / "findings.md").write_text("table")
-        return []
-
-    monkeypatch.setattr("nlfrf.rig.studies.reproduce.reproduce", reproduce)
-    code, _, said = nlfrf_command("reproduce", "-o", "paper")
-    assert code == 130
-    assert [row for row in said.splitlines() if row] == [
-        "finished realisations are in paper/unfinished_realizations: the same command goes on from there",
-        "nlfrf: interrupted. No file is half written",
-    ]
-    assert nlfrf_command("reproduce", "-o", "paper")[0] == 0
-    assert found == [[], ["one.npz"]]
-    assert [path.name for path in (tmp_path / "paper").iterdir()] == ["findings.md"]
-
-
 def test_an_interrupted_command_leaves_the_file_that_is_there(nlfrf_command, monkeypatch, tmp_path):  # noqa: F811
     design, simulate = "design --fs 512 --period 512 --f-min 2 --f-max 100 -o ms.npz", "simulate ms.npz -o run.npz"
     assert [nlfrf_command(*words.split())[0] for words in (design, simulate)] == [0, 0]

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
+from itertools import chain, combinations
+from textwrap import wrap
 
 import numpy as np
-
-from nlfrf._base.arguments import format_paragraph
-from nlfrf._base.values import value
-from nlfrf.records.record import Record
-from nlfrf.rig.bench.motion import run_rig
-from nlfrf.rig.bench.rig import Rig
-from nlfrf.rig.bench.simulate import Arrays, Experiment, Progress, run_experiment
-from nlfrf.rig.studies.ensembles import (
+from ensembles import (
     F0,
     FS,
     GRIDS,
@@ -34,10 +29,13 @@ from nlfrf.rig.studies.ensembles import (
     systematic_over_detection,
     underestimation_db,
 )
-from nlfrf.signals.lines import LineGrid
+
+import nlfrf
+from nlfrf.rig import Rig
+from nlfrf.signals import LineGrid
 
 
-@value
+@dataclass(frozen=True)
 class Finding:
     """One claim of the paper, with the numbers of this simulation.
 
@@ -76,8 +74,10 @@ class Finding:
             "holds if": self.criterion,
             "remark": self.remark,
         }
-        rows = [row for label, text in entries.items() for row in format_paragraph(label, text)]
-        return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *rows])
+        rows = [
+            wrap(f"{label + ':':10} {text}", 100, subsequent_indent=11 * " ") for label, text in entries.items() if text
+        ]
+        return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *chain(*rows)])
 
 
 def judge_findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
@@ -269,57 +269,50 @@ def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator)
     return _HELD_RMS * force / force.std(axis=1, keepdims=True)
 
 
-def _simulate_held(held: tuple[Rig, np.ndarray]) -> Arrays:
-    """Return the third period of held values on a rig and of the position, 4096 steps a second; runs in a worker."""
-    n, (rig, values) = round(FS / F0), held
+def simulate_held(rig: Rig, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate held values on a rig: one period of force and of the position in the third one, 4096 steps a second."""
+    n = round(FS / F0)
     force = np.repeat(values, n // values.size)
-    moved = run_rig(rig, np.tile(force, 3), fs=FS, oversampling=1, hold="zoh")
-    return {"u": force, "y": moved.x[-n:].copy()}
+    moved = nlfrf.rig.run(rig, np.tile(force, 3), fs=FS, hold="zoh")
+    return force, moved.x[-n:].copy()
 
 
-def _simulate_random_amplitudes(
-    rig: Rig,
-    n_realizations: int,
-    rng: np.random.Generator,
-    *,
-    run: Callable[..., list[Arrays]],
-) -> Ensemble:
-    """Simulate the odd multisine at level 1 with random amplitudes too, uniform on 0 to sqrt(3) times theirs."""
-    ms = paper_multisine("odd", 1, n_realizations=n_realizations, rng=rng)
+def draw_random_amplitudes(ms: nlfrf.Multisine, rng: np.random.Generator) -> list[nlfrf.Multisine]:
+    """Draw a multisine a realisation with random amplitudes too, uniform on 0 to sqrt(3) times its own."""
     amplitude = ms.amplitude * np.sqrt(3) * rng.uniform(size=ms.phase.shape)
-    experiments = [
-        Experiment(
-            rig=rig,
-            ms=replace(ms, amplitude=np.maximum(amplitude[m], 1e-12), phase=ms.phase[m : m + 1]),
-            n_periods=1,
-            n_discard=2,
-            oversampling=1,
-            hold="band-limited",
-        )
-        for m in range(n_realizations)
+    return [
+        replace(ms, amplitude=np.maximum(amplitude[m], 1e-12), phase=ms.phase[m : m + 1])
+        for m in range(ms.n_realizations)
     ]
-    results = run(run_experiment, experiments)
-    y = np.stack([result["y"] for result in results])
-    u = np.stack([experiment.ms.u for experiment in experiments])
-    return ensemble_spectra(Record(u=u, y=y, fs=ms.fs, lines=ms.lines))
 
 
 def judge_side_remarks(
-    rig: Rig,
-    odd: Ensemble,
-    *,
-    rng: np.random.Generator,
-    run: Callable[..., list[Arrays]],
-    count: Callable[[int], Progress | None],
+    rig: Rig, odd: Ensemble, *, rng: np.random.Generator, done: Callable[[], object]
 ) -> list[Finding]:
-    """Judge S1 to S3: `odd` is the odd multisine at level 1, `run` is `run_all`, `count(n)` its progress after n."""
+    """Judge S1 to S3: `odd` is the odd multisine at level 1, `done` is called after each realisation."""
     m = odd.n_realizations
-    held = [(rig, row) for signal in SIGNALS for row in draw_held_values(signal, m, rng)]
-    results = run(_simulate_held, held, progress=count(0))
-    u, y = (np.stack([one[name] for one in results]).reshape(len(SIGNALS), m, 1, -1) for name in ("u", "y"))
-    records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=_COMPARED_LINES)) for i in range(len(SIGNALS))]
+    values = [row for signal in SIGNALS for row in draw_held_values(signal, m, rng)]
+    odd_multisine = paper_multisine("odd", 1, n_realizations=m, rng=rng)
+    drawn = draw_random_amplitudes(odd_multisine, rng)
+    with ThreadPoolExecutor() as pool:  # the compiled loops release the interpreter lock
+        held, random_records = [], []
+        for pair in pool.map(partial(simulate_held, rig), values):
+            held.append(pair)
+            done()
+        for record in pool.map(partial(nlfrf.simulate, rig), drawn):
+            random_records.append(record)
+            done()
+    u, y = np.moveaxis(np.array(held), 1, 0).reshape(2, len(SIGNALS), m, 1, -1)
+    lines = LineGrid(excited=_COMPARED_LINES)
+    records = [nlfrf.Record(u=u[i], y=y[i], fs=FS, lines=lines) for i in range(len(SIGNALS))]
     first, *others = map(ensemble_spectra, records)
-    random = _simulate_random_amplitudes(rig, m, rng, run=partial(run, progress=count(len(held))))
+    random = ensemble_spectra(
+        replace(
+            random_records[0],
+            u=np.concatenate([record.u for record in random_records]),
+            y=np.concatenate([record.y for record in random_records]),
+        )
+    )
     difference = dict(zip(SIGNALS[1:], (normalised_difference(first, other) for other in others), strict=True))
     amplitudes = normalised_difference(odd, random)
     same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}

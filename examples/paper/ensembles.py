@@ -2,21 +2,19 @@
 
 "The impact of nonlinear friction on FRF measurements": a mass on a spring with Leuven friction, excited by
 random-phase multisines on odd, odd-odd and special-odd grids, at a level that stays in presliding (1), one ten
-times smaller (2) and one ten times larger (3), 100 realisations each. `nlfrf.reproduce` draws them.
+times smaller (2) and one ten times larger (3), 100 realisations each. `reproduce.py` runs and draws them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nlfrf._base.values import value
-from nlfrf.records.record import Record
-from nlfrf.rig.bench.rig import Rig
-from nlfrf.signals.lines import LineGrid
-from nlfrf.signals.multisine import Multisine, multisine
+import nlfrf
+from nlfrf.rig import Rig
+from nlfrf.signals import LineGrid
 
 #: Rms of the force [N] at the paper's levels: 1 covers presliding without sliding.
 LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
@@ -29,7 +27,7 @@ _BAND_LINES = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "r
 _RESONANCE_HALF_WIDTH = 3.0
 
 
-@value
+@dataclass(frozen=True)
 class Ensemble:
     """Spectra of the realisations of one experiment.
 
@@ -57,7 +55,7 @@ class Ensemble:
 Ensembles = dict[tuple[int, str], Ensemble]
 
 
-def ensemble_spectra(record: Record) -> Ensemble:
+def ensemble_spectra(record: nlfrf.Record) -> Ensemble:
     """Return the spectra of a record, up to its last excited line."""
     last = record.lines.excited[-1] + 1
     U, Y = (np.fft.rfft(s.mean(axis=1), axis=1)[:, :last] * (2 / record.n_samples) for s in (record.u, record.y))
@@ -66,10 +64,10 @@ def ensemble_spectra(record: Record) -> Ensemble:
 
 def paper_multisine(
     kind: str, level: int, *, n_realizations: int, rng: np.random.Generator | int | None = None
-) -> Multisine:
+) -> nlfrf.Multisine:
     """Return the paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
     first, last = _BAND_LINES[kind]
-    return multisine(
+    return nlfrf.multisine(
         kind,
         fs=FS,
         n_samples=round(FS / F0),

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-from nlfrf._base.axes import finish_axes
-from nlfrf.rig.bench.rig import Rig
-from nlfrf.rig.studies.ensembles import (
+from ensembles import (
     GRIDS,
     LEVELS,
     Ensembles,
@@ -20,10 +16,10 @@ from nlfrf.rig.studies.ensembles import (
     power_db,
     systematic_over_detection,
 )
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from nlfrf.rig import Rig
 
 _BLUE, _ORANGE, _GREEN, _RED, _GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
 
@@ -37,8 +33,6 @@ def draw_figures(ensembles: Ensembles, rig: Rig) -> dict[str, Figure]:
 
 def _new_figure(height: float, rows: int) -> tuple[Figure, np.ndarray]:
     """Create a figure that belongs to no window, and its axes as an array, one under the other."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8, height), layout="constrained")
     return figure, figure.subplots(rows, sharex=True)
 
@@ -118,5 +112,7 @@ def _figure_comparison(ensembles: Ensembles) -> Figure:
 def _add_grids(figure: Figure, axes: Iterable[Axes]) -> Figure:
     """Add grids and legends to a figure."""
     for ax in axes:
-        finish_axes(ax)
+        ax.grid(alpha=0.3)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend()
     return figure
