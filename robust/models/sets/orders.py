@@ -52,9 +52,10 @@ _CRITERION_TEXT = (
     f"times the radius of the set stays below {_ENOUGH:g}"
 )
 _CROSSOVER_TEXT = (
-    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, with |T_c| = "
-    f"1/sqrt(1 + (f/2 f_c)^4) where |G| is smooth; taken is the smallest order below {_ENOUGH:g}, or within "
-    f"{NEAR_BEST - 1:.0%} of the best. Higher orders are not tried where no nominal could be better"
+    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, |T_c| of a "
+    f"loop with that crossover. Taken is the smallest order below {_ENOUGH:g}, or within {NEAR_BEST - 1:.0%} of the "
+    "best, by roots that the data carry where they leave it below one. Higher orders are not tried where no nominal "
+    "could be better"
 )
 
 
@@ -129,8 +130,11 @@ class OrderScan:
         """Return the index of the fit to take.
 
         With a crossover it has the fewest poles of the fits whose |T_c| times radius is on every line below one half,
-        or within 10 % of that of the best. Without one it has the smallest criterion of the fits that scatter explains
-        and whose roots the data carry; where there is none, of those that it explains without cancelled poles and far
+        or within 10 % of that of the best. Fits with roots that the data do not carry are left out where another one
+        lets a robust loop be, with |T_c| times radius below one.
+
+        Without a crossover it has the smallest criterion of the fits that scatter explains and whose roots the data
+        carry; where there is none, of those that it explains without cancelled poles and far
         zeros, then of those that it explains. Where scatter explains none, it has the fewest poles of those with a
         reach within 10 % of the highest.
         """
@@ -138,6 +142,9 @@ class OrderScan:
             return _choose_by_data(self.criterion, self.fits, self.reach)
         shown = ~np.array([_has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
+        carried = shown & np.array([set(doubtful_roots(fit)) <= {_OUTSIDE} for fit in self.fits])
+        if np.any(carried & (self.loop_radius < 1)):  # roots that follow the scatter of a line lower its radius, too
+            shown = carried
         best = int(np.argmin(np.where(shown, self.loop_radius, np.inf)))
         limits = [
             np.maximum(NEAR_BEST * self.sizes[best].loop_lines, _ENOUGH),

@@ -198,3 +198,13 @@ def test_a_bare_frf_is_weighted_for_the_loop():
     frf = control.FrequencyResponseData(stage(), 2 * np.pi * F)
     fit = robust.fit_nominal(frf, n_poles=4, omega_c=CROSSOVER)
     assert np.abs(fit.response[F < 12] / stage()[F < 12] - 1).max() < 0.06
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_order_that_follows_the_scatter_of_a_line_is_not_taken(seed):
+    """A pole and a zero that the data do not tell apart lower the radius where one noisy line is high, and no more."""
+    ms = nlfrf.multisine(fs=1000, n_samples=4000, f_min=1, f_max=150, rms=0.5, rng=seed)
+    record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, oversampling=4)
+    scan = scan_orders(nlfrf.identify(record), n_poles=range(1, 9), omega_c=2 * np.pi * 20)
+    assert scan.best == 3
+    assert scan.loop_radius[scan.chosen] < 1
