@@ -488,6 +488,12 @@ def fit_weight(
     )
 
 
+def larger_of_neighbours(radius: np.ndarray) -> np.ndarray:
+    """Return (W,) what a weight has to cover on each line, for the larger neighbour to hold between lines."""
+    sides = np.pad(radius, 1, mode="edge")
+    return np.maximum(radius, np.maximum(sides[:-2], sides[2:]))
+
+
 @value
 class _Demand:
     """Lines omega (W,) [rad/s], the radius there, the sampling time [s], and what the lines count for, in all one."""
@@ -505,9 +511,7 @@ class _Demand:
     @property
     def envelope(self) -> np.ndarray:
         """The log magnitude that each line needs, for a continuous weight to cover the larger neighbour."""
-        log_r = np.log(self.radius)
-        sides = np.pad(log_r, 1, mode="edge")
-        return np.maximum(log_r, np.maximum(sides[:-2], sides[2:]))
+        return np.log(larger_of_neighbours(self.radius))
 
     def problem(self) -> MagnitudeProblem:
         """Return the fit to the lines and to points between them: where lines are sparse, a weight must not bulge."""

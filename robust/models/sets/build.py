@@ -44,6 +44,7 @@ from robust.models.fit.nominal import (
     require_same_channels,
     require_same_units,
 )
+from robust.models.fit.weights import larger_of_neighbours
 from robust.models.sets.family import (
     CLOSE_LIFT,
     DIAGONAL,
@@ -345,11 +346,14 @@ def _disc_set(
     factor, *covered = radius_in_form(
         row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
     )
-    importance = None
+    importance = np.ones(covered[0].size)
     if not np.isnan(omega_c):  # as rs of the loop: where it is largest, an excess costs its margin
         size = np.abs(nominal_response(nominal, omega))
-        importance = (target_loop(omega, omega_c, smooth_size(omega, size)) * absolute / size) ** _NEAR_LARGEST
-    weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt, importance=importance)
+        in_loop = target_loop(omega, omega_c, smooth_size(omega, size)) / (size * factor)
+        reached = np.interp(covered[0], omega, in_loop) * larger_of_neighbours(covered[1])
+        importance = (reached / reached.max()) ** _NEAR_LARGEST
+    importance = importance * (covered[0] <= omega[-1])  # above the band an excess costs nothing
+    weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=importance)
     return {
         "weight": checked_weight(weight, omega, absolute * factor, order=order),
         "omega": omega,
@@ -544,7 +548,7 @@ def _set_of_user(
         require_equal_roots(form.name, [nominal, *systems], inverse=form.inverse)
         source += ", systems inside at all frequencies, FRFs on their lines"
     for round_ in range(MAX_ROUNDS):
-        weight = fit_extrapolated(omega, covered, rules, order=order, dt=dt)
+        weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=1.0 * (covered[0] <= omega[-1]))
         model = UncertaintyModel(nominal=nominal, weight=weight, form=form.name, omega=omega, radius=radius)
         bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
         lift = max([1.0, *(one.upper * LIFT for one in bounds)])

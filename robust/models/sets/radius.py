@@ -89,33 +89,33 @@ def fit_covering_weight(
     dt: float,
     importance: np.ndarray | None = None,
 ) -> control.StateSpace:
-    """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
+    """Return a weight over a radius: a number where that is flat and nothing rises outside the band.
+
+    importance : (F,) what an excess counts for on the lines, everywhere the same when not given; below the band it is
+    that of the first line, above it none.
+    """
     if radius.max() < _FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(
-        omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt, importance=importance
-    )
+    covered = rules.extrapolate(omega, radius, dt)
+    share = np.interp(covered[0], omega, np.ones(omega.size) if importance is None else importance)
+    return fit_extrapolated(covered, rules, order=order, dt=dt, importance=share * (covered[0] <= omega[-1]))
 
 
 def fit_extrapolated(
-    lines: np.ndarray,
     covered: Sequence[np.ndarray],
     rules: Extrapolation,
     *,
     order: int | None,
     dt: float,
-    importance: np.ndarray | None = None,
+    importance: np.ndarray,
 ) -> control.StateSpace:
     """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too.
 
-    importance : (F,) what an excess counts for on the lines, everywhere the same when not given; below the band it is
-    that of the first line, above it none.
+    importance : (W,) what an excess counts for.
     """
     omega, radius = covered
     try:
-        share = np.ones(lines.size) if importance is None else importance
-        counts = np.interp(omega, lines, share) * (omega <= lines[-1])
-        return fit_weight(omega, radius, order=order, dt=dt, importance=counts).W
+        return fit_weight(omega, radius, order=order, dt=dt, importance=importance).W
     except WeightOrderError as error:
         if rules.below == rules.above == 0:
             raise
