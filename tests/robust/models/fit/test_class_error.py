@@ -208,3 +208,17 @@ def test_an_order_that_follows_the_scatter_of_a_line_is_not_taken(seed):
     scan = scan_orders(nlfrf.identify(record), n_poles=range(1, 9), omega_c=2 * np.pi * 20)
     assert scan.best == 3
     assert scan.loop_radius[scan.chosen] < 1
+
+
+def test_beside_a_step_of_sparse_lines_the_weight_stays_near_the_radius_that_it_covers():
+    """It covers the larger neighbour from one line to the next, and below the band the first line alone."""
+    f = np.array([3.0, 9, 11, 17, 19, 25, 27, 33, 41, 49, 57, 73, 81, 97, 105, 121, 137, 153])
+    std = np.array([0.1, 0.23, 0.1, *np.full(15, 6e-3)])
+    G = 1e3 / (2j * np.pi * f * (2j * np.pi * f + 20))
+    bla = nlfrf.bla_from_frf(f, G, std=std * np.abs(G))
+    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, omega_c=2 * np.pi * 17))
+    omega = 2 * np.pi * np.linspace(1.0, 11.0, 400)
+    radius = np.interp(omega, [*model.omega[:3]], model.radius[:3])
+    largest = model.radius[:3].max()
+    assert np.all(np.abs(model.weight(1j * omega)) < 1.25 * largest)
+    assert np.all(np.abs(model.weight(1j * omega)) >= radius * (1 - 1e-9))
