@@ -34,7 +34,7 @@ axis_file, design, findings, gains_file, judge, levels, page, play, read = (
 )
 
 servo_app = Commands(
-    help="A servo axis under its drive: experiments, their traces, and the gains checked against them.",
+    help="A servo axis: experiments, and a check of its gains.",
     no_args_is_help=True,
 )
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]

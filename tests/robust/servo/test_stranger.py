@@ -100,7 +100,7 @@ def test_a_free_axis_is_judged_with_lines_far_below_its_crossover(seed, strokes,
     bench_stranger.write_files(axis, tmp_path)
     asked = ["--period", 2000, "--f-min", 3, "--f-max", 200, "--velocity", 0.1, "--strokes", strokes]
     asked += ["--max-force", 88, "--max-travel", 0.5, "--seed", seed, "-o", tmp_path / "moving.csv"]
-    code, _, said = bench_stranger.run("nlfrf", "axis", "design", tmp_path / "axis.toml", *asked)
+    code, _, said = bench_stranger.run("robust", "servo", "design", tmp_path / "axis.toml", *asked)
     assert code == 0, said
     data = np.loadtxt(tmp_path / "moving.csv", delimiter=",", skiprows=1)
     u, y, _ = rig.play(axis, data[:, 1])
@@ -123,7 +123,7 @@ def test_the_design_of_realisations_may_be_given_for_each_of_their_traces(tmp_pa
     bench_stranger.write_files(axis, tmp_path)
     asked = ["--period", 2000, "--f-min", 9, "--f-max", 200, "--velocity", 0.1, "--strokes", 1, "--realizations", 2]
     asked += ["--max-force", 1500, "--max-travel", 0.6, "--seed", 1, "-o", tmp_path / "moving.csv"]
-    code, _, said = bench_stranger.run("nlfrf", "axis", "design", tmp_path / "axis.toml", *asked)
+    code, _, said = bench_stranger.run("robust", "servo", "design", tmp_path / "axis.toml", *asked)
     assert code == 0, said
     traces = sorted(tmp_path.glob("moving-*.csv"))
     for path in traces:
