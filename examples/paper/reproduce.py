@@ -1,6 +1,6 @@
 """The paper on the impact of friction on FRF measurements, repeated: its figures, and each finding with a number.
 
-    python examples/paper/reproduce.py --out paper                      about two minutes on two cores
+    python examples/paper/reproduce.py --out paper                      100 realisations of each level and grid
     python examples/paper/reproduce.py --out paper --resume unfinished  keeps finished realisations in a folder
 
 Figures 3 to 7 show what the paper's figures show; where its text and not its drawing says what belongs in one,
