@@ -24,10 +24,12 @@ from nlfrf._base.arguments import (
 from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
+from robust._base.types import AnySystem
 from robust._base.warnings import DesignWarning
+from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots
-from robust.lti.sampling import delay_samples, discretize, hold_correction
+from robust.lti.sampling import delay_samples, delayed, discretize, hold_correction
 from robust.models.fit.class_error import loop_tolerance, most_likely_size
 from robust.models.fit.fit_uncertainty import (
     FitUncertainty,
@@ -64,6 +66,7 @@ Given = TypeVar("Given")
 # ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
 
 _MAX_POLES = 40
+_PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # of a delay: several inputs have one each
 _MAX_DELAY_TRIALS, _N_ROUNDS = 41, 12
 _DELAY_TOLERANCE = 1e-7  # of a turn at the highest line: a delay that moves less stands
 
@@ -866,6 +869,20 @@ def _checked_crossover(
             f"bound {bound.max():.3g}"
         )
     return omega_c
+
+
+def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | float, float]:
+    """Return a nominal with the delays of its inputs inside, and the longest of them [s]; a system as it is."""
+    if not isinstance(nominal, NominalFit):
+        return nominal, 0.0
+    G, delays = nominal.G, nominal.delays
+    if G.ninputs == G.noutputs == 1:
+        return delayed(G, nominal.delay, order=_PADE_ORDER), nominal.delay
+    if delays is None or not np.any(delays):
+        return G, 0.0
+    through = control.StateSpace([], [], [], [[1.0]], G.dt)
+    each = [delayed(through, float(tau), order=_PADE_ORDER_PER_INPUT) for tau in delays]
+    return in_series(block_diagonal(each, G.dt), G), float(np.max(delays))
 
 
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:

@@ -1,7 +1,7 @@
-"""Sets of plants around a nominal, from records of any number of channels or from a radius of the user.
+"""Sets of plants around a nominal, from records of any number of channels.
 
 radius = misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)) on each line, then
-a stable minimum-phase weight over it (SP 7.4, 8.2.3). The misfit excludes the scatter, which is counted by itself.
+a stable minimum-phase weight over it (SP 7.4, 8.2.3). The misfit excludes the scatter, which is counted separately.
 """
 
 from __future__ import annotations
@@ -17,23 +17,19 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import (
     data_warning,
-    format_count,
     format_hertz,
     keep_warnings,
     require_choice,
     require_integer,
     require_probability,
     require_real,
-    require_real_array,
     short_form,
 )
 from robust._base.channels import is_single
 from robust._base.types import AnySystem, Weight
 from robust._base.warnings import DesignWarning
-from robust.lti.connections import block_diagonal, in_series
-from robust.lti.lti import response, timebase
-from robust.lti.realisation import frequency_response, multivariable, state_space
-from robust.lti.sampling import delayed
+from robust.lti.lti import timebase
+from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.class_error import mean_size, smooth_size, target_loop
 from robust.models.fit.nominal import (
     NominalFit,
@@ -43,28 +39,15 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
     require_same_units,
+    with_delays,
 )
 from robust.models.fit.weights import larger_of_neighbours
-from robust.models.sets.family import (
-    CLOSE_LIFT,
-    DIAGONAL,
-    FAMILY_ORDER,
-    LIFT,
-    MAX_LIFT,
-    MAX_ROUNDS,
-    TOLERANCE,
-    find_family,
-    is_full,
-    is_plant,
-    make_family_set,
-)
-from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
+from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_plants, is_full, make_family_set
+from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS
 from robust.models.sets.joint import attach_records
-from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
 from robust.models.sets.orders import scan_orders
 from robust.models.sets.radius import (
-    MIN_RADIUS_RATIO,
     Extrapolation,
     RadiusSpec,
     Scaling,
@@ -74,20 +57,18 @@ from robust.models.sets.radius import (
     element_parts,
     fit_covering_weight,
     fit_extrapolated,
-    larger_neighbour,
     nominal_response,
     radius_in_form,
     resolve_scaling,
     sum_of_parts,
 )
 from robust.models.sets.records import Origin
-
-_PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
+from robust.models.sets.single_family import make_set_of_plants
 
 
 @keep_warnings
 def uncertainty(
-    bla: Bla | AnySystem | Sequence[Bla | AnySystem | np.ndarray],
+    bla: Bla | AnySystem | Sequence[Bla | AnySystem],
     nominal: NominalFit | AnySystem | float | None = None,
     *,
     form: str = DEFAULT_FORM,
@@ -106,49 +87,51 @@ def uncertainty(
 ) -> UncertaintyModel:
     """Turn a measured BLA with its levels into a set of plants around a nominal model.
 
-    On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
-    misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual
-    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off. For a
-    fitted nominal this errs on the wide side: the fit averages the variance of G that is counted here.
+    On each line the disc around the nominal contains the FRF of a new realisation with the stated confidence: radius =
+    misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual of a
+    line contains scatter, so the misfit is the residual less the variance. For a fitted nominal this errs on the wide
+    side: the fit averages the variance of G that is counted here.
+
+    Use this after `nlfrf.identify` and `fit_nominal`, before any design: controllers are designed and checked for the
+    set that it returns.
 
     Parameters
     ----------
     bla : nlfrf.Bla or list of them
-        What was measured, of one or several channels; several levels, offsets or days make a plant family, with the
+        What was measured, with one or several channels; several levels, offsets or days make one set, with the
         largest radius of all. An FRF from elsewhere is a Bla by `nlfrf.bla_from_frf`, or by the `std` that
-        `fit_nominal` was given with it. Or a list of plants (FRFs, systems) that the set has to hold. Or, of one
-        channel, a radius of your own: arrays (omega, radius), in rad/s and the unit of the form.
+        `fit_nominal` was given with it. Or a list of plants (FRFs, systems) that the set has to hold.
     nominal : NominalFit, control system or control.FrequencyResponseData, optional
-        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only. Of a list
-        of plants of several channels it may be left out: a fit of their mean response. Of records of several channels
-        too: the fit that `scan_orders` takes.
+        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only. For
+        several channels it may be left out: plants get a fit of their mean response, records the fit that `scan_orders`
+        chooses.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
-        channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
-        a price of 10 %. Of a list of plants of several channels also "output", "inverse-additive", "inverse-input" and
-        "inverse-output"; when not given, the first form of `choose_form`.
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". For records of several
+        channels: "elements" (when not given), "additive" or "input", chosen before you see a verdict; or "auto", the
+        first two at a price of 10 %. For plants of several channels also "output", "inverse-additive", "inverse-input"
+        and "inverse-output"; when not given, the first form of `choose_form`.
     weights : str
-        "diagonal": one weight a channel. "full", of a list of plants of several channels: W_l and W_r are matrices, and
-        the set is smaller where deviations share a direction.
+        "diagonal": one weight a channel. "full", for plants of several channels: W_l and W_r are matrices, and the set
+        is smaller where deviations share a direction.
     omega_B : float, optional
-        Bandwidth [rad/s] of the loop for which the form is chosen, of a list of plants of several channels; the middle
-        of their band when not given.
+        Bandwidth [rad/s] of the loop for which the form is chosen, for plants of several channels; the middle of their
+        band when not given.
     order : int, optional
-        Order of the weight, or of each of them; when not given, it grows up to 12 as long as a state saves 0.1 dB of
-        the mean excess, and is 4 of a family of plants of several channels.
+        Order of each weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of the mean excess, and
+        is 4 for plants of several channels.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
-        False: about one line in twenty of another record lies outside its disc at 95 %; `joint` tells of whole ones.
-        True widens the radius by a factor of 1.8 to 2.1 and is seldom worth it (see the guide on bounds).
+        False: about one line in twenty of another record lies outside its disc at 95 %; `joint` is the probability for
+        a whole FRF. True widens the radius by a factor of 1.8 to 2.1 and is seldom worth it (see the guide on bounds).
     even : bool
-        Add the even distortion level: in closed loop the machine sees signals that are not odd.
+        Add the even distortion level: in closed loop the machine receives signals that are not odd.
     systematic : float, optional
         Decibels above the odd level added to the radius for the systematic part (8 in the paper); None leaves it out.
-        Of one channel, or of "elements".
+        For one channel, or for "elements".
     below, above : "flat" or float
-        What is assumed outside the measured band: the radius stays flat, or rises away from the band with that
-        many dB per decade, over two decades, flat beyond.
+        Assumption outside the measured band: the radius stays flat, or rises away from the band with that many dB per
+        decade, over two decades, flat beyond.
     perturbation : str
         The class; "LTI" and "operator" are claims of the user about the plant.
     W1, W2 : control.StateSpace, TransferFunction or float, optional
@@ -166,10 +149,10 @@ def uncertainty(
 
     Notes
     -----
-    A set of a list of plants of several channels has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the
-    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and
-    infinity included, which is proved by exact polynomials (`UncertaintyModel.contains`); FRFs on their lines. Where
-    full weights of the order do not hold them, the weights are diagonal, with a warning.
+    For plants of several channels the set has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the fit. So
+    scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and infinity
+    included, which is proved by exact polynomials (`UncertaintyModel.contains`); FRFs on their lines. If full weights
+    of the order do not cover the plants, the weights are diagonal, with a warning.
 
     References
     ----------
@@ -184,8 +167,9 @@ def uncertainty(
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
     ('multiplicative', 'statistical', True)
 
-    A set by weights of your own is an `UncertaintyModel`. A plant of two inputs and outputs, its inputs wrong by up to
-    20 %, all at once and with any coupling (for a perturbation of each input by itself: `interconnection`):
+    A set by weights of your own is an `UncertaintyModel`, one by a radius of your own `UncertaintyModel.from_radius`. A
+    plant of two inputs and outputs, its inputs wrong by up to 20 %, all at once and with any coupling (for a
+    perturbation of each input by itself: `interconnection`):
 
     >>> from robust import UncertaintyModel, check
     >>> G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
@@ -200,11 +184,13 @@ def uncertainty(
     require_same_units(bla)
     rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
     order = None if order is None else require_integer("order", order, least=0)
-    if find_family(bla):
-        if simultaneous or systematic is not None or W1 is not None or W2 is not None:
-            raise ValueError("simultaneous, systematic, W1 and W2 must be left out where plants are given: of a Bla")
+    plants = find_plants(bla)
+    is_family = bool(plants) and count_channels(plants[0]) != (1, 1)
+    if plants and (simultaneous or systematic is not None or W1 is not None or W2 is not None):
+        raise ValueError("simultaneous, systematic, W1 and W2 must be left out where plants are given: of a Bla")
+    if is_family:
         return make_family_set(
-            bla,
+            plants,
             nominal,
             form=form,
             weights=weights,
@@ -215,6 +201,10 @@ def uncertainty(
         )
     if is_full(weights) or omega_B is not None:
         raise ValueError("weights and omega_B must be left out but for a family of plants of several channels")
+    if plants:
+        if nominal is None:
+            raise ValueError("nominal must be given for plants of one channel: see fit_nominal")
+        return make_set_of_plants(plants, nominal, form=form, order=order, rules=rules, perturbation=perturbation)
     recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
     if nominal is None and not several:
@@ -229,7 +219,7 @@ def uncertainty(
         )
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
-    if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them
+    if several and form == AUTO:  # two tests share the probability of an error
         in_form = partial(
             uncertainty,
             bla,
@@ -252,15 +242,11 @@ def uncertainty(
         systematic=None if systematic is None else require_real("systematic", systematic),
     )
     omega_c = nominal.omega_c if isinstance(nominal, NominalFit) else float("nan")
-    nominal, delay = _nominal_of_several_channels(nominal, recorded[0]) if several else _nominal_of_one_channel(nominal)
-    dt = _sampling_time_of(nominal)
-    make = partial(UncertaintyModel, nominal=nominal, form=form, perturbation=perturbation)
     if not several:
-        if own := _set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
-            return make(**own | {"origin": replace(own["origin"], delay=delay)})
-        recorded = list(bla) if isinstance(bla, Sequence) else [bla]
+        recorded = _single_records(bla)
+    nominal, delay = _nominal_of_records(nominal, recorded[0])
     is_frf = isinstance(nominal, control.FrequencyResponseData)
-    many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
+    many = recorded if is_frf else [bla_behind_hold(one, _sampling_time_of(nominal)) for one in recorded]
     made = (_block_set if several else _disc_set)(many, nominal, form, rules, order, spec, (W1, W2), omega_c)
     made["origin"] = replace(
         made["origin"],
@@ -271,7 +257,10 @@ def uncertainty(
         fs=min(one.fs for one in many),
         unit=many[0].unit,
     )
-    model = make(
+    model = UncertaintyModel(
+        nominal=nominal,
+        form=form,
+        perturbation=perturbation,
         **made,
         confidence=spec.p,
         simultaneous=spec.simultaneous,
@@ -282,10 +271,10 @@ def uncertainty(
     return attach_records(model, many, recorded)
 
 
-#: Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest value alone decide.
-#: Of 36 loops of the friction rig 29 are robust with 4 and with 8, 26 with 1.
+#: Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest value alone decide. On
+#: 36 loops of the friction rig 1 to 4 give the same verdicts.
 _NEAR_LARGEST = 4.0
-#: What makes a radius of each of its parts smaller.
+#: Remedy for each part of a radius.
 _CURES = {
     "noise": "more periods average noise",
     "odd": "another level, or more realisations, change odd distortion",
@@ -297,7 +286,7 @@ _CURES = {
 
 
 def _warn_of_radius(model: UncertaintyModel) -> None:
-    """Warn of a radius of one or more below the crossover that the nominal was fitted for."""
+    """Warn if the relative radius reaches one below the crossover that the nominal was fitted for."""
     relative, crossover = model.relative_radius(), model.origin.omega_c
     over = (model.omega <= crossover) & (relative >= 1)
     if not over.any():
@@ -335,7 +324,7 @@ def _disc_set(
     scaling: Scaling,
     omega_c: float,
 ) -> _SetFields:
-    """Return radius, its parts and weight of a set of one channel, in the unit of its form."""
+    """Return radius, parts and weight of a set for one channel, in the unit of its form."""
     row, dt = FORMS[form], _sampling_time_of(nominal)
     omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
     if dt:
@@ -347,12 +336,12 @@ def _disc_set(
         row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
     )
     importance = np.ones(covered[0].size)
-    if not np.isnan(omega_c):  # as rs of the loop: where it is largest, an excess costs its margin
+    if not np.isnan(omega_c):  # proportional to rs of the loop: an excess costs margin where rs is largest
         size = np.abs(nominal_response(nominal, omega))
         in_loop = target_loop(omega, omega_c, smooth_size(omega, size)) / (size * factor)
         reached = np.interp(covered[0], omega, in_loop) * larger_of_neighbours(covered[1])
         importance = (reached / reached.max()) ** _NEAR_LARGEST
-    importance = importance * (covered[0] <= omega[-1])  # above the band an excess costs nothing
+    importance = importance * (covered[0] <= omega[-1])  # an excess above the band costs nothing
     weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=importance)
     return {
         "weight": checked_weight(weight, omega, absolute * factor, order=order),
@@ -374,7 +363,7 @@ def _block_set(
     scaling: Scaling,
     omega_c: float,
 ) -> _SetFields:
-    """Return radii and weights of a set of several channels; the assumption outside the band applies to W_l only."""
+    """Return radii and weights of a set for several channels; the assumption outside the band applies to W_l only."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
         omega, parts, radius = element_parts(frms, models, spec)
@@ -410,7 +399,7 @@ def _block_set(
 
 
 def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
-    """Return W1 and W2 as a set takes them: none where neither is given."""
+    """Return W1 and W2, or nothing if neither is given."""
     return scaling if any(W is not None for W in scaling) else ()
 
 
@@ -419,37 +408,31 @@ def _sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseDat
     return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
-def _nominal_of_one_channel(
-    nominal: control.StateSpace | control.FrequencyResponseData,
-) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
-    """Return the nominal of one channel with its delay inside, and that delay [s]."""
-    delay = 0.0
-    if isinstance(nominal, NominalFit):
-        nominal, delay = delayed(nominal.G, nominal.delay, order=_PADE_ORDER), nominal.delay
-    return nominal if isinstance(nominal, control.FrequencyResponseData) else state_space("nominal", nominal), delay
-
-
-def _nominal_of_several_channels(
-    nominal: control.StateSpace | control.FrequencyResponseData, frm: Bla
-) -> tuple[control.StateSpace, float]:
-    """Return the nominal of several channels with the delay of each input inside, and the longest of them [s]."""
-    delay = 0.0
-    if isinstance(nominal, NominalFit):
-        require_same_channels(frm, nominal, "its nominal")
-        G, delays = nominal.G, nominal.delays
-        nominal = G
-        if delays is not None and np.any(delays):
-            delay = float(np.max(delays))
-            through = control.StateSpace([], [], [], [[1.0]], G.dt)
-            each = [delayed(through, float(tau), order=_PADE_ORDER_PER_INPUT) for tau in delays]
-            nominal = in_series(block_diagonal(each, G.dt), G)
-    nominal = multivariable("nominal", nominal)
-    if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
+def _single_records(bla: object) -> list[Bla]:
+    """Return the records of one channel that were given, one or a list."""
+    many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    if not many or not all(map(is_single, many)):
         raise ValueError(
-            f"nominal must have {frm.n_outputs} outputs and {frm.n_inputs} inputs, as the record, "
-            f"got {nominal.noutputs} and {nominal.ninputs}"
+            f"bla must be an nlfrf.Bla, a list of them, or plants (FRFs or systems), got {short_form(bla)}; a radius "
+            "of your own makes a set by UncertaintyModel.from_radius(nominal, omega, radius)"
         )
-    return nominal, delay
+    return many
+
+
+def _nominal_of_records(nominal: NominalFit | AnySystem | float, bla: Bla) -> tuple[AnySystem, float]:
+    """Return the nominal with its delays inside, as the channels of the record need it, and the longest delay [s]."""
+    if isinstance(nominal, NominalFit) and not bla.is_single:
+        require_same_channels(bla, nominal, "its nominal")
+    system, delay = with_delays(nominal)
+    if bla.is_single:
+        return system if isinstance(system, control.FrequencyResponseData) else state_space("nominal", system), delay
+    system = multivariable("nominal", system)
+    if (system.noutputs, system.ninputs) != (bla.n_outputs, bla.n_inputs):
+        raise ValueError(
+            f"nominal must have {bla.n_outputs} outputs and {bla.n_inputs} inputs, as the record, "
+            f"got {system.noutputs} and {system.ninputs}"
+        )
+    return system, delay
 
 
 def _describe_record(bla: Bla) -> str:
@@ -463,122 +446,3 @@ def _describe_record(bla: Bla) -> str:
     if not bla.is_single:
         design, drawn = f"{made.design} ", f"{made.n_realizations} sets of {bla.n_inputs} experiments"
     return f"{design}{made.grid} multisine, {lines}, {drawn} x {made.n_periods} periods, level from {bla.level_source}"
-
-
-def _radius_of_user(
-    given: object, nominal: control.StateSpace | control.FrequencyResponseData, form: Form
-) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Return frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
-
-    Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
-    """
-    many = list(given) if isinstance(given, (list, tuple)) else [given]
-    if many and all(map(is_single, many)):
-        return None
-    if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
-        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {short_form(given)}")
-    if form.depends_on_units:
-        raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
-    if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
-        omega, radius = require_real_array("omega", many[0], ndim=1), require_real_array("radius", many[1], ndim=1)
-        if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
-            raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
-        return omega, radius, "a radius that was given"
-    if not all(is_plant(part) for part in many):
-        raise ValueError("bla must be all plants (FRFs or systems), or (omega, radius), where the radius is your own")
-    lines = _frequencies_of_plants(many, nominal)
-    each, differs = [], False
-    for plant in many:
-        omega, G = frequency_response("bla", plant, lines, (nominal, *many))
-        centre = nominal_response(nominal, omega)
-        differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.abs(form.deviation(G, centre))
-        if not np.isfinite(away).all():
-            raise ValueError(
-                f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
-            )
-        each.append(larger_neighbour(lines, omega, away))
-    radius = np.nanmax(each, axis=0)
-    if not differs:
-        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
-    return (
-        lines,
-        np.maximum(radius, MIN_RADIUS_RATIO * radius.max()),
-        f"{format_count(len(many), 'plant')} that were given",
-    )
-
-
-def _frequencies_of_plants(
-    many: Sequence[object], nominal: control.StateSpace | control.FrequencyResponseData
-) -> np.ndarray:
-    """Return all frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
-    known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
-    if not known:
-        raise ValueError(
-            "bla must hold an FRF, which says at which frequencies plants and nominal are compared: "
-            "uncertainty([control.frd(plant, omega)], nominal). A weight that is known already makes a set by "
-            "UncertaintyModel(nominal, weight, form, omega, radius)"
-        )
-    return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
-
-
-def _set_of_user(
-    given: object,
-    nominal: control.StateSpace | control.FrequencyResponseData,
-    *,
-    form: Form,
-    rules: Extrapolation,
-    dt: float,
-    order: int | None,
-    spec: RadiusSpec,
-) -> _SetFields:
-    """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
-    found = _radius_of_user(given, nominal, form)
-    if found is None:
-        return {}
-    if spec.simultaneous or spec.systematic is not None:
-        raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
-    omega, radius, source = found
-    covered = rules.extrapolate(omega, radius, dt)
-    kinds = (control.StateSpace, control.TransferFunction)
-    many = given if isinstance(given, list | tuple) and not isinstance(nominal, control.FrequencyResponseData) else ()
-    systems = [state_space("bla", plant) for plant in many if isinstance(plant, kinds)]
-    if systems:  # what they do between the lines of the FRFs
-        require_equal_roots(form.name, [nominal, *systems], inverse=form.inverse)
-        source += ", systems inside at all frequencies, FRFs on their lines"
-    for round_ in range(MAX_ROUNDS):
-        weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=1.0 * (covered[0] <= omega[-1]))
-        model = UncertaintyModel(nominal=nominal, weight=weight, form=form.name, omega=omega, radius=radius)
-        bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
-        lift = max([1.0, *(one.upper * LIFT for one in bounds)])
-        if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
-            break
-        for plant, one in zip(systems, bounds, strict=True):
-            covered = _cover_plant(covered, plant, nominal, form, one.omega)
-    if not lift < MAX_LIFT:
-        raise ValueError(
-            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
-            f"nominal as the weight reaches, {form.name} form: give it as an FRF, or another form or order"
-        )
-    weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
-    return {
-        "omega": omega,
-        "radius": radius,
-        "weight": checked_weight(weight, omega, radius, order=order),
-        "origin": Origin(source=source, extrapolation=str(rules)),
-    }
-
-
-def _cover_plant(
-    covered: tuple[np.ndarray, np.ndarray],
-    plant: control.StateSpace,
-    nominal: control.StateSpace,
-    form: Form,
-    more: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and radii for a weight to cover, with one more, where the deviation of a system counts."""
-    lines, radius = covered
-    omega = np.union1d(lines, [more] * (more > 0))
-    away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
-    return omega, np.maximum(np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away))

@@ -251,31 +251,28 @@ def is_full(weights: str) -> bool:
     return require_choice("weights", weights, _WEIGHTS) == _FULL
 
 
-def is_plant(part: object) -> bool:
-    """Return whether it is an FRF or a system."""
-    return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
-
-
-def _is_matrix_plant(part: object) -> bool:
-    """Return whether it is a system or an FRF of several inputs or outputs."""
-    return is_plant(part) and count_channels(part) != (1, 1)
-
-
-def find_family(given: object) -> list[AnySystem]:
-    """Return the plants of several channels that were given, one or many; none if it is anything else."""
+def find_plants(given: object) -> list[AnySystem]:
+    """Return the plants (FRFs or systems) that were given, one or many, all of as many channels; none for Blas."""
     many = list(given) if isinstance(given, list | tuple) else [given]
-    if not any(map(_is_matrix_plant, many)):
+    if not any(map(_is_plant, many)):
         return []
-    other = next((one for one in many if not _is_matrix_plant(one)), None)
+    is_matrix = any(_is_plant(one) and count_channels(one) != (1, 1) for one in many)
+    other = next((one for one in many if not _is_plant(one) or (count_channels(one) != (1, 1)) != is_matrix), None)
     if other is not None:
-        raise ValueError(f"bla must be all plants of several channels (systems or FRFs), got {short_form(other)}")
+        which = "of several channels " if is_matrix else ""
+        raise ValueError(f"bla must be all plants {which}(systems or FRFs), got {short_form(other)}")
     return many
+
+
+def _is_plant(part: object) -> bool:
+    """Return whether it is an FRF or a system."""
+    return isinstance(part, control.FrequencyResponseData | control.StateSpace | control.TransferFunction)
 
 
 def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Family:
     """Return the family on its lines: those of its FRFs, which have to be the same, else those of its poles."""
-    many = find_family(plants)
-    if not many:
+    many = find_plants(plants)
+    if not many or count_channels(many[0]) == (1, 1):
         raise ValueError(f"plants must be systems or FRFs of several inputs and outputs, got {short_form(plants)}")
     shape = count_channels(many[0])
     frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]

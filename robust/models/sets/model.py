@@ -1,6 +1,6 @@
 """``UncertaintyModel``: a nominal plant and the set of plants around it, for any number of channels.
 
-One input and one output: a disc about G at every frequency, with what the disc is made of.
+One input and one output: a disc around G at every frequency, and its parts.
 
     form                    set of plants, |Delta| <= 1      radius from a disc r about G on the lines
     multiplicative          G (1 + w Delta)                  r / |G|
@@ -27,12 +27,13 @@ Several channels, with W_l and W_r diagonal or full:
               | d          |
               +--> W_l --> (+) with G
 
-(SP 7.4 and 8.2.3.) A set of several channels never has one scalar radius: that would cost a factor of ten where
-entries differ in size. "elements" serves where one channel is critical, a full block where all are, where outputs move
-together, and from 4 by 4 on. The form has to be chosen before the verdict is seen: who tries two has tested twice.
+(SP 7.4 and 8.2.3.) A set for several channels never has one scalar radius, which would cost a factor of ten where
+entries differ in size. "elements" is the smaller set if one channel is critical. A full block is the smaller one if all
+channels are critical, if outputs move together, and from 4 by 4 on. Choose the form before you see the verdict; trying
+two is a multiple test.
 
-A disc from the spread of a measured FRF is *statistical*: it says where the FRF of another realisation lies, with a
-probability; the perturbation that caused it is a nonlinear one, and no theorem turns that into stability. "LTI" and
+A disc from the spread of a measured FRF is *statistical*: with a probability, the FRF of another realisation lies in
+it. The perturbation that caused the spread is nonlinear, and no theorem turns the disc into stability. "LTI" and
 "operator" are claims about the perturbation that only the user can make.
 """
 
@@ -44,11 +45,13 @@ from typing import TypeGuard
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import (
     data_warning,
     format_count,
+    keep_warnings,
     random_generator,
     require_choice,
     require_integer,
@@ -85,11 +88,13 @@ from robust.lti.realisation import (
     rightmost_pole,
     state_space,
 )
+from robust.models.fit.nominal import NominalFit, checked_weight, with_delays
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (
     ADDITIVE,
     BLOCK_FORMS,
+    DEFAULT_FORM,
     ELEMENTS,
     FORMS,
     INPUT,
@@ -102,38 +107,39 @@ from robust.models.sets.forms import (
 from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.membership import Deviation, block_deviation, coprime_deviation, right_roots
 from robust.models.sets.perturbations import perturbed_plant, random_delta
+from robust.models.sets.radius import Extrapolation, checked_slope, fit_extrapolated
 from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
 
-_ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
-_SET_TOLERANCE = 1e-6  # by which a plant may be farther from the nominal than its set lets it
-_MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
+_ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, with rounding
+_SET_TOLERANCE = 1e-6  # relative excess over the radius that still counts as inside
+_MAX_TRIALS = 20  # draws for each plant that is wanted: rounding may take a realisation out of its set
 
 
 @value(kw_only=False)
 class UncertaintyModel:
     """A nominal plant, a radius around it on the measured lines, and weights that cover the radius everywhere.
 
-    With one input and one output every array is over frequency alone, and `weight` is the weight. With several, `left`
-    and `right` are the weights and each has its row in `radius`.
+    For one input and one output every array is over frequency alone, and `weight` is the weight. For several channels
+    `left` and `right` are the weights, and each weight has its row in `radius`.
 
     Fields
     ------
     nominal : control.StateSpace or control.FrequencyResponseData
-        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise. An FRF, of one
-        channel only, gives a model that is known on its lines only.
+        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise. An FRF (one channel
+        only) gives a model that is known on its lines only.
     weight : control.StateSpace or None
-        Stable and proper; |weight| >= radius on every line. None with several channels.
+        Stable and proper; |weight| >= radius on every line. None for several channels.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; with several channels
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; for several channels
         "elements", "additive", "input", "output", "inverse-additive", "inverse-input" or "inverse-output".
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) or (n, W) ndarray
-        What the weights cover, in the unit of the form; those of `left` before those of `right`. |weight| when not
-        given, for weights of your own.
+        Radius that the weights cover, in the unit of the form; rows of `left` before those of `right`. |weight| when
+        not given, for weights of your own.
     confidence : float
-        Probability with which a line of another realisation lies in its disc (with several channels: of another set of
-        experiments, in the set); nan where none is claimed.
+        Probability that a line of another realisation lies in its disc (for several channels: that a line of another
+        set of experiments lies in the set); nan if no probability is claimed.
     perturbation : str
         "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical": the discs
         hold measured FRFs with the stated confidence. "operator": Delta is any causal operator, nonlinear
@@ -141,42 +147,41 @@ class UncertaintyModel:
     simultaneous : bool
         Whether the confidence holds for all lines together.
     budget : dict of (W,) or (n, W) ndarray
-        The known parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level", "systematic";
-        empty where they are not known, as of full blocks. The three statistical parts share their common radius in
-        proportion to their variances. Level: how much of it only appears because the plant changes with the level.
+        Parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level", "systematic"; empty where
+        they are not known, as for full blocks. The three statistical parts share their common radius in proportion to
+        their variances. "level" is the part that appears only because the plant changes with the level.
     origin : Origin
-        What was measured and how, what was assumed outside the measured band, unit, and the delay inside the nominal.
+        Source of the set, assumption outside the measured band, unit, and delay inside the nominal.
     scaling : tuple of control.StateSpace
         W1 and W2 of the coprime form, which scale the plant at its input and output, W2 G W1 (1 when not given); empty
-        of others.
+        for other forms.
     joint : JointProbability
-        Estimated probability that a whole FRF lies in the set, all its lines together. Of several levels the least.
+        Estimated probability that a whole FRF lies in the set, all its lines together; the least over several levels.
     records : tuple of RecordSummary
-        What is remembered of each record: its lines, FRF and scatter for `validate`, its level for `predict_level`.
+        Summary of each record: lines, FRF and scatter for `validate`, level for `predict_level`.
     left, right : tuple of control.StateSpace
-        Stable weights W_l and W_r of several channels, one a channel; or one square matrix each, whose rows in `radius`
-        are the gains of its rows (W_l) or of its columns (W_r). Of "elements" the n_y n_u weights stand in `right`,
-        columns of G one after the other, and `left` is empty.
+        Stable weights W_l and W_r for several channels: one a channel, or one square matrix each, whose rows in
+        `radius` are the gains of its rows (W_l) or of its columns (W_r). For "elements" the n_y n_u weights stand in
+        `right`, columns of G one after the other, and `left` is empty.
     inputs, outputs : tuple of str
         Names of the channels.
     alternative_form : UncertaintyModel, optional
-        The same plant of several channels in another form, at the same confidence c. Both hold it with a probability of
-        at least 2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else
-        works on.
+        The same plant in another form, for several channels, at the same confidence c. Both sets contain the plant with
+        a probability of at least 2 c - 1, so `check` may take the better of two verdicts. Other functions use this set
+        alone.
     warnings : tuple of str
-        What was warned of the records, the nominal and the weight behind it: text of each `nlfrf.DataWarning` and
-        `DesignWarning`.
+        Warnings about the records, the nominal and the weight: text of each `nlfrf.DataWarning` and `DesignWarning`.
 
     Notes
     -----
-    A set that is given by `left` and `right` around a nominal of one input and output is turned into the form of one
-    channel that it is.
+    A set that is given by `left` and `right` around a nominal of one input and output takes the equivalent form of one
+    channel.
 
     Raises
     ------
     ValueError
-        Weights that are unstable, do not cover their radius or do not fit the form, arrays that do not fit each other,
-        sampling times that differ, a form or class that does not exist.
+        Weights that are unstable, do not cover their radius or do not fit the form; arrays that do not fit each other;
+        sampling times that differ; a form or class that does not exist.
 
     References
     ----------
@@ -251,8 +256,90 @@ class UncertaintyModel:
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
 
+    @classmethod
+    @keep_warnings
+    def from_radius(
+        cls,
+        nominal: NominalFit | AnySystem | float,
+        omega: ArrayLike,
+        radius: ArrayLike,
+        *,
+        form: str = DEFAULT_FORM,
+        order: int | None = None,
+        below: str | float = "flat",
+        above: str | float = 20.0,
+        perturbation: str = "statistical",
+    ) -> UncertaintyModel:
+        """Return the set of a radius of your own, from a data sheet or another tool, with a weight fitted over it.
+
+        Parameters
+        ----------
+        nominal : NominalFit, control system, control.FrequencyResponseData or float
+            The model in the middle, of one channel.
+        omega : (W,) array_like
+            Frequencies of the radius [rad/s], increasing.
+        radius : (W,) array_like
+            The radius in the unit of the form: a share of |G|, or the unit of G in the additive form.
+        form : str
+            "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
+        order : int, optional
+            Order of the weight; when not given, it grows up to 12 as long as a state saves 0.1 dB of the mean excess.
+        below, above : "flat" or float
+            What is assumed outside the frequencies, as in `uncertainty`.
+        perturbation : str
+            The class; "LTI" and "operator" are claims of the user about the plant.
+
+        Returns
+        -------
+        UncertaintyModel
+            Without a confidence.
+
+        Raises
+        ------
+        ValueError
+            Arrays that do not fit each other, a form that depends on units, an order too low.
+
+        References
+        ----------
+        SP 7.4.
+
+        Examples
+        --------
+        >>> omega = np.geomspace(0.1, 100, 60)
+        >>> model = UncertaintyModel.from_radius(control.tf([2.0], [0.2, 1]), omega, 0.1 + 0.02 * omega, order=2)
+        >>> model.form, model.weight.nstates, bool(np.isnan(model.confidence))
+        ('multiplicative', 2, True)
+        """
+        if FORMS[require_choice("form", form, tuple(FORMS))].depends_on_units:
+            raise ValueError(f"form must not depend on units where the radius is your own, got {form}")
+        rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
+        order = None if order is None else require_integer("order", order, least=0)
+        omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
+        if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
+            raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
+        plant, delay = with_delays(nominal)
+        is_frf = isinstance(plant, control.FrequencyResponseData)
+        plant = plant if is_frf else state_space("nominal", plant)
+        covered = rules.extrapolate(omega, radius, 0.0 if is_frf else timebase(plant))
+        weight = fit_extrapolated(
+            covered,
+            rules,
+            order=order,
+            dt=0.0 if is_frf else timebase(plant),
+            importance=1.0 * (covered[0] <= omega[-1]),
+        )
+        return cls(
+            nominal=plant,
+            weight=checked_weight(weight, omega, radius, order=order),
+            form=form,
+            omega=omega,
+            radius=radius,
+            perturbation=perturbation,
+            origin=Origin(source="a radius that was given", extrapolation=str(rules), delay=delay),
+        )
+
     def _take_sides(self) -> None:
-        """Make systems of the weights of several channels, or the one weight that they are of a single channel."""
+        """Turn `left` and `right` into systems, or into the equivalent weight of a plant of one channel."""
         held = self.__dict__
         if self.left or self.right:
             for name in ("left", "right"):
@@ -276,7 +363,7 @@ class UncertaintyModel:
         return rows[0] if self.is_single else rows
 
     def _check_blocks(self) -> None:
-        """Refuse weights of several channels that are not as many as the form has."""
+        """Refuse another number of weights than the form has for several channels."""
         n_y, n_u = self.n_outputs, self.n_inputs
         if self.form == ELEMENTS:
             wanted = 0, n_y * n_u
@@ -373,23 +460,23 @@ class UncertaintyModel:
         )
 
     def radius_shares(self, k: int) -> list[tuple[float, str]]:
-        """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known.
+        """Return (share, name) of the parts of the radius on line k, the largest first; empty if they are not known.
 
-        Of one channel.
+        For one channel.
         """
         parts = {name: float(part[k]) for name, part in self.budget.items() if np.isfinite(part[k])}
         total = sum(parts.values())
         return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
 
     def relative_radius(self) -> np.ndarray:
-        """Return (W,) the radius over |G|, as a relative deviation of the plant; nan where the form has none."""
+        """Return (W,) the radius over |G|; nan where the form has no relative deviation."""
         form = FORMS.get(self.form) if self.is_single else None
         if form is None or form.relative_weight is None or form.inverse:
             return np.full(self.omega.size, np.nan)
         return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
 
     def describe_radius(self) -> str:
-        """Describe how large the radius is below and above the crossover of the nominal, and what it is made of."""
+        """Describe the largest radius below and above the crossover of the nominal, with its parts."""
         relative, crossover = self.relative_radius(), self.origin.omega_c
         if np.isnan(crossover) or np.isnan(relative).any():
             return ""
@@ -406,48 +493,48 @@ class UncertaintyModel:
 
     @property
     def is_single(self) -> bool:
-        """Return whether it is of one input and one output, so that its arrays have no axis of channels."""
+        """Return whether the set has one input and one output, so that its arrays have no axis of channels."""
         return not (self.left or self.right)
 
     @property
     def n_outputs(self) -> int:
-        """Return outputs n_y."""
+        """Number of outputs n_y."""
         return int(self.nominal.noutputs)
 
     @property
     def n_inputs(self) -> int:
-        """Return inputs n_u."""
+        """Number of inputs n_u."""
         return int(self.nominal.ninputs)
 
     @property
     def weights(self) -> tuple[control.StateSpace, ...]:
-        """Return all weights: the one, or those of `left` before those of `right`."""
+        """All weights: the one, or those of `left` before those of `right`."""
         return (self.weight,) if self.is_single else (*self.left, *self.right)
 
     @property
     def measured_only(self) -> bool:
-        """Return whether the nominal is an FRF: it holds on its lines only."""
+        """Return whether the nominal is an FRF, which is known on its lines only."""
         return isinstance(self.nominal, control.FrequencyResponseData)
 
     @property
     def structure(self) -> list[tuple[int, int]]:
-        """Return the blocks of Delta, as `robust.mu.upper` takes them."""
+        """Blocks of Delta, as `robust.mu.upper` takes them."""
         if self.form == ELEMENTS:
             return [(1, 1)] * (self.n_outputs * self.n_inputs)
         return [(1, 1)] if self.is_single else [self.block_shape]
 
     @property
     def block_shape(self) -> tuple[int, int]:
-        """Return how many signals the full block of several channels reads and drives."""
+        """Numbers of signals that the full block reads and drives, for several channels."""
         return sum(weight.noutputs for weight in self.right), sum(weight.ninputs for weight in self.left)
 
     @property
     def has_full_weights(self) -> bool:
-        """Return whether a weight is a matrix that is not diagonal by its making."""
+        """Return whether a weight is a full matrix."""
         return any(weight.noutputs > 1 for weight in self.weights)
 
     def weight_gains(self, omega: np.ndarray) -> np.ndarray:
-        """Return (n, W) gains of the rows of W_l and, behind them, of the columns of W_r; |w| of one channel."""
+        """Return (n, W) gains of the rows of W_l, then of the columns of W_r; |w| for one channel."""
         sides = [(self.left, 1), (self.weights[len(self.left) :], 0)]
         parts = [
             np.linalg.norm(response_by_channel(weight, omega), axis=axis) for side, axis in sides for weight in side
@@ -456,7 +543,7 @@ class UncertaintyModel:
 
     @property
     def shaping(self) -> control.StateSpace:
-        """Return W1 W2 as one system; the gain one where the form needs no scaling."""
+        """W1 W2 as one system; a gain of one where the form needs no scaling."""
         scaled = self.is_single and FORMS[self.form].depends_on_units
         return in_series(*self.scaling) if scaled else state_space("shaping", 1.0)
 
@@ -467,9 +554,9 @@ class UncertaintyModel:
         return response(self.nominal, omega) if self.is_single else response_by_channel(self.nominal, omega)
 
     def distance(self, plant: AnySystem) -> np.ndarray:
-        """Return (W,) size of the smallest Delta that turns the nominal into the given FRF, at its own frequencies.
+        """Return (W,) size of the smallest Delta that turns the nominal into a plant.
 
-        plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
+        plant : control.FrequencyResponseData, compared at its own frequencies; or a system, compared at `omega`.
         """
         clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weights[0])
         omega, G = frequency_response("plant", plant, self.omega, clocks, (self.n_outputs, self.n_inputs))
@@ -479,7 +566,7 @@ class UncertaintyModel:
     def normalized_distance(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """Return (..., W) size of the smallest Delta that turns responses of a nominal (W,) into G (..., W).
 
-        Of several channels these are matrices, G (..., W, n_y, n_u) and nominal (W, n_y, n_u).
+        For several channels G is (..., W, n_y, n_u) and nominal (W, n_y, n_u).
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
@@ -489,7 +576,8 @@ class UncertaintyModel:
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """Return (..., W) whether `normalized_distance` is at most one.
 
-        Without singular values where the Frobenius norm decides: estimates of a probability ask it of many matrices.
+        Singular values are computed only where the Frobenius norm does not decide: the estimate of a probability needs
+        many matrices.
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
@@ -503,12 +591,12 @@ class UncertaintyModel:
         return held
 
     def minimal_perturbation(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """Return (..., W) the smallest Delta of `normalized_distance`; of several channels (..., W, rows, columns).
+        """Return (..., W) the smallest Delta of `normalized_distance`; (..., W, rows, columns) for several channels.
 
-        Of one channel up to the phase of the weight; of "elements" each number stands in its place.
+        For one channel it is exact up to the phase of the weight; for "elements" each number stands at its entry.
         """
         if self.is_single:
-            if FORMS[self.form].depends_on_units:  # at a pole too: it is as far from zero as a plant can be
+            if FORMS[self.form].depends_on_units:  # at a pole, too, where G is infinite
                 W = response(self.shaping, omega)
                 G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
             return FORMS[self.form].deviation(G, nominal) / np.abs(response(self.weight, omega))
@@ -523,7 +611,7 @@ class UncertaintyModel:
         return np.linalg.solve(W_l, divide_right(deviation, W_r))
 
     def side_weights(self) -> tuple[control.StateSpace, control.StateSpace]:
-        """Return W_l and W_r as systems, of several channels; of "elements" the left one passes every signal."""
+        """Return W_l and W_r as systems, for several channels; the left one of "elements" is the identity."""
         dt = self.nominal.dt
         passed = control.StateSpace([], [], [], np.eye(len(self.right)), dt)
         return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(list(self.right), dt)
@@ -531,7 +619,7 @@ class UncertaintyModel:
     def entry_radius(self, omega: np.ndarray) -> np.ndarray:
         """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set.
 
-        Of an inverse form a bound of it, infinite where the set is.
+        For an inverse form it is an upper bound, which is infinite where the set is unbounded.
         """
         require_several_channels(self, "have entries", "nominal and radius say it of one")
         if self.form == ELEMENTS:
@@ -543,11 +631,12 @@ class UncertaintyModel:
         return amplified * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None] * np.linalg.norm(P[:n_z, n_d:], axis=0)
 
     def contains(self, plant: AnySystem) -> bool:
-        """Return whether an FRF lies in the set at every one of its frequencies, or a system at all there are.
+        """Return whether an FRF lies in the set at its frequencies, or a system at all frequencies.
 
-        Of a system it is proved, in 1e-6 of the radius: poles in the right half plane (in an inverse form zeros) are as
-        many as those of the nominal, and the smallest Delta has a gain of at most one at zero and infinity, too. A
-        system is compared on the lines where the nominal is an FRF, and, with a warning, where no proof is found.
+        For a system this is proved, within 1e-6 of the radius: it has as many poles (zeros in an inverse form) in the
+        right half plane as the nominal, and the smallest Delta has a gain of at most one at all frequencies, zero and
+        infinity included. A system is compared on the lines only if the nominal is an FRF, or, with a warning, if no
+        proof is found.
         """
         distance = self.distance(plant)
         if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
@@ -563,22 +652,22 @@ class UncertaintyModel:
         return all(one.holds for one in found)
 
     def counted_roots(self, plant: control.StateSpace) -> int:
-        """Return how many poles, in an inverse form zeros, a plant has in the right half plane: all of a set as many.
+        """Return the number of poles (zeros in an inverse form) in the right half plane, equal for all plants of a set.
 
-        Of coprime factors none are counted.
+        It is zero for coprime factors, where nothing is counted.
         """
         row = self._row
         return 0 if row is None else right_roots(plant, inverse=row.inverse)
 
     @property
     def _row(self) -> MatrixForm | None:
-        """Return the full block that the form is, of one channel too; None for coprime factors."""
+        """Row of the form as a full block, for one channel, too; None for coprime factors."""
         if not self.is_single:
             return BLOCK_FORMS[ADDITIVE if self.form == ELEMENTS else self.form]
         return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
 
     def deviations(self, plant: control.StateSpace) -> list[Deviation]:
-        """Return what turns the nominal into a plant, at every frequency; of "elements" one for each."""
+        """Return the deviation of a plant from the nominal, at every frequency; one for each entry with "elements"."""
         G, row = self.nominal, self._row
         if row is None:
             return [coprime_deviation(G, plant, weight=self.weight, shaping=self.shaping)]
@@ -598,7 +687,8 @@ class UncertaintyModel:
     def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation, to simulate the worst one.
 
-        Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
+        Delta : control.StateSpace from the signals that it reads to those that it drives, or a real matrix; diagonal
+        for "elements".
         """
         require_parametric(self, "to make plants of")
         if self.is_single:
@@ -619,7 +709,7 @@ class UncertaintyModel:
         """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
         plants: list[control.StateSpace | control.FrequencyResponseData] = []
         rng = random_generator("rng", rng)
-        # a gain as the weight need not state a clock, nor has one as the nominal to
+        # neither a gain as weight nor a gain as nominal needs a sampling time
         dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
         for _ in range(_MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
@@ -640,7 +730,7 @@ class UncertaintyModel:
         return plants
 
     def open_loop(self) -> control.StateSpace:
-        """From (what Delta drives, u) to (what Delta reads, y); of several channels."""
+        """Return the system from (outputs of Delta, u) to (inputs of Delta, y), for several channels."""
         require_several_channels(self, "have its perturbations pulled out", "check takes one")
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs
@@ -681,11 +771,10 @@ class UncertaintyModel:
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
         """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `robust.mu.upper`.
 
-        Of several channels.
+        For several channels.
 
         w_P : control.StateSpace, optional
-            Performance weight on r - y: one for all outputs alike, which may be continuous over a sampled loop, or a
-            matrix that takes them all.
+            Performance weight on r - y: one for all outputs, which may be continuous with a sampled loop, or a matrix.
         """
         P, K = self.open_loop(), multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
@@ -713,7 +802,7 @@ class UncertaintyModel:
         )
 
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
-        """Return the perturbations by name, of several channels."""
+        """Return the perturbations by name, for several channels."""
         of = {"perturbation": self.perturbation}
         if self.form != ELEMENTS:
             return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
@@ -722,7 +811,7 @@ class UncertaintyModel:
 
 
 def count_channels(nominal: AnySystem) -> tuple[int, int]:
-    """Return outputs and inputs of a plant, also of a number or a matrix."""
+    """Return the numbers of outputs and inputs of a plant, a number or a matrix."""
     if isinstance(nominal, control.InputOutputSystem | control.FrequencyResponseData):
         return int(nominal.noutputs), int(nominal.ninputs)
     rows, columns = np.atleast_2d(nominal).shape if np.ndim(nominal) <= 2 else (1, 1)
@@ -736,7 +825,7 @@ def format_channels(nominal: AnySystem) -> str:
 
 
 def own_weights_call(nominal: AnySystem, form: str) -> str:
-    """Return the call that makes a set of several channels from weights of the user."""
+    """Return the call that makes a set from weights of the user, for several channels."""
     n_y, n_u = count_channels(nominal)
     form = form if form in MATRIX_FORMS else INPUT if n_y == n_u else ADDITIVE
     left, right = {ELEMENTS: ("()", f"(w,) * {n_y * n_u}"), ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}")}.get(
@@ -746,18 +835,18 @@ def own_weights_call(nominal: AnySystem, form: str) -> str:
 
 
 def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
-    """Return whether it is an `UncertaintyModel` of several inputs or outputs."""
+    """Return whether an object is an `UncertaintyModel` with several inputs or outputs."""
     return isinstance(model, UncertaintyModel) and not model.is_single
 
 
 def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
-    """Refuse a set of one input and one output, and name what to take instead."""
+    """Refuse a set of one input and one output, and name the alternative."""
     if model.is_single:
         raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
 
 
 def require_record_form(model: UncertaintyModel, purpose: str) -> None:
-    """Refuse a set of several channels that no record makes: another form, or weights that are matrices."""
+    """Refuse a set that no record makes: another form, or weights that are matrices."""
     if model.form not in RECORD_FORMS or model.has_full_weights:
         raise ValueError(
             f"model must have the form {', '.join(RECORD_FORMS[:-1])} or {RECORD_FORMS[-1]} and one weight a channel "
@@ -766,7 +855,7 @@ def require_record_form(model: UncertaintyModel, purpose: str) -> None:
 
 
 def describe_no_set(thing: object) -> str:
-    """Return the end of a refusal of what is no set; of an interconnection with the call that takes it."""
+    """Return the end of a refusal of an object that is no set; for an interconnection, name the call that takes it."""
     if not isinstance(thing, UncertainSystem):
         return short_form(thing)
     return (
@@ -776,7 +865,7 @@ def describe_no_set(thing: object) -> str:
 
 
 def require_parametric(model: object, purpose: str) -> None:
-    """Refuse what is no set, or one that is known on its lines only."""
+    """Refuse an object that is no set, and a set that is known on its lines only."""
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError(
             f"model must be an UncertaintyModel with a parametric nominal {purpose}, got {describe_no_set(model)}"
@@ -784,7 +873,7 @@ def require_parametric(model: object, purpose: str) -> None:
 
 
 def require_one_channel(model: object, instead: str, purpose: str, *, parametric: bool = True) -> None:
-    """Refuse what is no set of one input and one output, and for several channels name what to take instead."""
+    """Refuse an object that is no set of one input and one output; for several channels, name the alternative."""
     if has_several_channels(model):
         raise ValueError(
             f"model must be of one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
@@ -796,9 +885,9 @@ def require_one_channel(model: object, instead: str, purpose: str, *, parametric
 
 
 def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
-    """Return whether rounding in its realisation has left a plant in the set it was made from.
+    """Return whether a plant, after the rounding of its realisation, still lies in the set that it was drawn from.
 
-    On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
+    It is compared on the lines, and beyond them for coprime factors, whose distance is bounded.
     """
     if not np.all(model.distance(plant) <= 1 + _SET_TOLERANCE):
         return False

@@ -9,14 +9,14 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.values import value
 
-#: What the radius of a set is made of.
+#: Parts of the radius of a set.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
-WINDOW = 13  # lines over which a level is averaged, relative to |G|
-LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
-#: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.
+WINDOW = 13  # lines over which a level relative to |G| is averaged
+LEVEL_DOF = 14.0  # complex degrees of freedom of the average
+#: Divided by the number of lines: variance of the part of a realisation's log distortion power that all lines share.
 #: Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for a fifth power.
 FEW_LINES = 8.0
-_MAX_DOF = 1e6  # which is as good as infinite, and a number in a file
+_MAX_DOF = 1e6  # stands for infinity, which a file cannot hold
 
 
 @value
@@ -30,25 +30,25 @@ class RecordSummary:
     G : (F,) or (F, n_y, n_u) complex ndarray
         The FRF, behind the hold of the model where that has one.
     variance : (F,) ndarray, or (F, n_y, n_y) complex ndarray
-        Variance of G about the BLA. Of several channels the covariance C over outputs: an error of G is
+        Variance of G around the BLA. For several channels the covariance C over outputs: an error of G is
         C^1/2 Z gamma^1/2 with Z white.
     gamma : (F, n_u, n_u) complex ndarray or None
-        Covariance over inputs, of several channels.
+        Covariance over inputs, for several channels.
     dof : (F,) ndarray or None
-        Complex degrees of freedom behind the covariance, of several channels.
+        Complex degrees of freedom behind the covariance, for several channels.
     scatter : (F,) ndarray or None
-        Variance of the FRF of one realisation about the BLA by distortion, noise left out; of one channel.
+        Variance of the FRF of one realisation around the BLA by distortion, without noise; for one channel.
     confirmed : float
-        How far the roughness of G confirms the level: variance over that behind `Bla.bound`, as a median; of one
-        channel.
+        Median ratio of the variance to the one behind `Bla.bound`; below one if G is less rough than the level
+        predicts. For one channel.
     rms_u, rms_y : float
         Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at which G holds. nan
-        where it is not known, as in files of 0.1.0 and of several channels.
+        if it is not known, as for several channels.
 
     Notes
     -----
-    Of one channel the level is averaged over thirteen lines. Where G is less rough than the level says, its roughness
-    is taken: a bound takes the larger of two readings of a level, which is too large for a prediction.
+    For one channel the level is averaged over thirteen lines. If G is less rough than the level predicts, its roughness
+    is used: a bound takes the larger of two estimates of a level, which is too large for a prediction.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class RecordSummary:
         return self.G.ndim == 1
 
     def on_lines(self, omega: np.ndarray) -> RecordSummary:
-        """Return the record on other lines, interpolated in log magnitude and phase; exact on its own lines."""
+        """Return the record on other lines, interpolated in log magnitude and phase."""
         if omega.size == self.omega.size and np.allclose(omega, self.omega, rtol=1e-9, atol=0):
             return self
 
@@ -92,24 +92,24 @@ class RecordSummary:
 
 @value
 class Origin:
-    """Where a set of plants comes from: its records, and what was assumed where nothing was measured.
+    """Source of a set of plants: its records, and the assumption outside the measured band.
 
     Fields
     ------
     source : str
-        In words, what was measured.
+        Description of the measurement.
     extrapolation : str
-        In words, what was assumed outside the measured band.
+        Description of the assumption outside the measured band.
     delay : float
-        The part of the nominal that is a delay [s], for information; it is inside the nominal already.
+        Delay inside the nominal [s], for information.
     omega_c : float
-        Crossover [rad/s] of the loop that the nominal was fitted for; nan where none was named.
+        Crossover [rad/s] of the loop that the nominal was fitted for; nan if none was named.
     hold : str
         Hold of the inputs of the record, as `Bla.hold`.
     fs : float
-        Sampling frequency of the record [Hz]; nan where there is none.
+        Sampling frequency of the record [Hz]; nan if there is none.
     unit : str
-        Unit of y over u, of one channel.
+        Unit of y over u, for one channel.
 
     Examples
     --------
@@ -128,14 +128,14 @@ class Origin:
 
 @value
 class JointProbability:
-    """Estimated probability that a whole FRF lies in a set, all its lines together; nan where it is not known.
+    """Estimated probability that a whole FRF lies in a set, all its lines together; nan if it is not known.
 
     Fields
     ------
     frf : float
-        Of the FRF of another realisation (with several channels: of another set of experiments).
+        For the FRF of another realisation (for several channels: of another set of experiments).
     bla : float
-        Of the best linear approximation.
+        For the best linear approximation.
     """
 
     frf: float = float("nan")
@@ -143,14 +143,14 @@ class JointProbability:
 
 
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
-    """Return what a set remembers of a record.
+    """Return the summary of a record that a set keeps.
 
-    recorded : the same before a hold was put into G, from which the level of the input is computed; bla when not given.
+    recorded : the record before a hold was put into G, which gives the level of the input; bla when not given.
     """
     if not bla.is_single:
         G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov.bound, bla.cov.gamma))
         return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, _MAX_DOF))
-    # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
+    # relative to |G|, which a level follows across a resonance, except where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
     level, rough = _window_mean(bla.var_bound / size), _window_mean(bla.roughness() / size)
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
@@ -169,10 +169,10 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
 
 
 def rms_levels(bla: Bla) -> tuple[float, float]:
-    """Return the rms of input and output on the excited lines, of the mean power over realisations; nan if not known.
+    """Return the rms of input and output on the excited lines, from the mean power over realisations; nan if unknown.
 
-    A Bla keeps Y and not U. Realisations have one amplitude |U|, so that the mean of |Y / U|^2 is |G|^2 + (M - 1) times
-    the variance of their mean. Of noise, the coherence is the share of |Y|^2 that G U makes.
+    A Bla contains Y but not U. Realisations have one amplitude |U|, so the mean of |Y / U|^2 is |G|^2 + (M - 1) times
+    the variance of their mean. For noise, the coherence is the share of G U in |Y|^2.
     """
     Y = bla.levels.excited
     if Y.shape[-1] != bla.f.size:
@@ -180,20 +180,20 @@ def rms_levels(bla: Bla) -> tuple[float, float]:
     power_y = np.mean(np.abs(Y) ** 2, axis=0) / 2
     linear = np.where(np.isfinite(bla.coherence), bla.coherence, 1.0)
     gain = np.abs(bla.G) ** 2 + (bla.experiment.n_realizations - 1) * bla.var_total
-    # a line without any response does not tell its input
+    # the input of a line without response is unknown
     power_u = np.divide(power_y * linear, gain, out=np.zeros(gain.size), where=gain > 0)
     return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))
 
 
 def _window_mean(x: np.ndarray) -> np.ndarray:
-    """Return (F,) mean over the lines around each, one-sided at the ends."""
+    """Return the (F,) mean over the window around each line, one-sided at the ends."""
     half = WINDOW // 2
     weights = np.convolve(np.ones(x.size), np.ones(2 * half + 1))[half:-half]
     return np.asarray(np.convolve(x, np.ones(2 * half + 1))[half:-half] / weights)
 
 
 def format_probability(p: float) -> str:
-    """Format an estimated probability, no finer than it is known."""
+    """Format an estimated probability with as many digits as the estimate supports."""
     if p > 0.99:
         return "over 99 %"
     return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"

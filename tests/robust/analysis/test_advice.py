@@ -89,13 +89,13 @@ def test_a_weight_that_fails_where_the_measured_lines_pass_is_named():
     radius = 0.3 + 2.7 * np.exp(-((np.log(omega / 8) / 0.2) ** 2))  # large where |T| is small
     plant, K = control.tf([1], [1, 1]), 2.0
     with pytest.warns(DesignWarning, match="much larger than what was measured"):
-        model = uncertainty((omega, radius), plant, order=0, above="flat", perturbation="LTI")
+        model = UncertaintyModel.from_radius(plant, omega, radius, order=0, above="flat", perturbation="LTI")
     report = check(model, K)
     assert report.verdict == "not robust"
     T = np.abs(2 / (1j * omega + 3))
     assert "The measured lines alone pass" in report.advice
     assert f"rs at most {np.max(radius * T):.3g}" in report.advice
     assert "--order 2" in report.advice
-    better = uncertainty((omega, radius), plant, order=4, above="flat", perturbation="LTI")
+    better = UncertaintyModel.from_radius(plant, omega, radius, order=4, above="flat", perturbation="LTI")
     assert check(better, K).verdict == "robust"
     assert "measured lines alone" not in check(better, K).advice

@@ -174,7 +174,7 @@ def test_a_loop_of_several_uncertainties_that_is_sampled_speaks_of_the_samples()
 def test_no_confidence_is_spoken_of_where_none_is_known():
     """A radius of one's own without a class: neither a confidence of nan nor one that nobody gave."""
     omega = np.geomspace(0.1, 10, 20)
-    model = uncertainty((omega, np.full(20, 0.1)), control.tf([1], [1, 1]), order=0, above="flat")
+    model = UncertaintyModel.from_radius(control.tf([1], [1, 1]), omega, np.full(20, 0.1), order=0, above="flat")
     text = str(check(model, 0.5))
     assert "STATISTICALLY ROBUST" in text
     assert "at its confidence" not in text

@@ -52,29 +52,50 @@ def test_frfs_on_other_lines_count_where_they_are():
 def test_arrays_are_the_radius_as_they_are(dt):
     nominal = robust.sampled(NOMINAL, dt) if dt else NOMINAL
     radius = 0.1 + 0.02 * OMEGA
-    model = robust.uncertainty((OMEGA, radius), nominal, order=2)
+    model = robust.UncertaintyModel.from_radius(nominal, OMEGA, radius, order=2)
     assert model.radius == pytest.approx(radius)
     assert np.all(np.abs(response(model.weight, OMEGA)) >= radius * (1 - 1e-6))
     assert "given" in model.origin.source
 
 
+def test_a_fitted_nominal_brings_its_delay_into_the_set():
+    frf = control.frd(np.exp(-0.02j * OMEGA) * NOMINAL(1j * OMEGA), OMEGA)
+    fit = robust.fit_nominal(frf, n_poles=1, delay="estimate")
+    model = robust.UncertaintyModel.from_radius(fit, OMEGA, 0.1 + 0 * OMEGA, order=0, above="flat")
+    assert model.origin.delay == pytest.approx(0.02, rel=1e-3)
+    assert model.contains(frf)
+
+
 @pytest.mark.parametrize(
-    ("bla", "options", "said"),
+    ("radius", "options", "expected"),
     [
-        ((OMEGA, -OMEGA), {}, "radius must be positive, one for each"),
-        ((OMEGA, OMEGA[1:]), {}, "radius"),
-        ((OMEGA, 0.1 + 0 * OMEGA), {"simultaneous": True}, "left out where the radius is your own"),
-        ((OMEGA, 0.1 + 0 * OMEGA), {"systematic": 8.0}, "left out where the radius is your own"),
-        ((OMEGA, 0.1 + 0 * OMEGA), {"form": "coprime"}, "must not depend on units"),
-        (plants(), {}, "must hold an FRF, .*UncertaintyModel\\(nominal, weight"),
-        ((OMEGA, 0.1 + 0 * OMEGA), {"order": 0}, 'mean excess .*above="flat"'),
-        ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),
-        ([control.frd(NOMINAL, OMEGA), 3.0], {}, "all plants"),
-        ([], {}, "a radius of your own"),
-        ("bla.npz", {}, "a radius of your own"),
+        (-OMEGA, {}, "radius must be positive, one for each"),
+        (OMEGA[1:], {}, "radius"),
+        (OMEGA, {"form": "coprime"}, "must not depend on units"),
+        (0.1 + 0 * OMEGA, {"order": 0}, 'mean excess .*above="flat"'),
+        (0.1 + 0 * OMEGA, {"form": "input"}, "form must be"),
     ],
 )
-def test_what_is_no_radius_is_refused(bla, options, said):
-    with pytest.raises(ValueError, match=said) as refused:
+def test_what_is_no_radius_is_refused(radius, options, expected):
+    with pytest.raises(ValueError, match=expected) as refused:
+        robust.UncertaintyModel.from_radius(NOMINAL, OMEGA, radius, **options)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("bla", "options", "expected"),
+    [
+        ([control.frd(plants()[0], OMEGA)], {"simultaneous": True}, "left out where plants are given"),
+        ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on units"),
+        (plants(), {}, "must hold an FRF, .*UncertaintyModel\\(nominal, weight"),
+        ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),
+        ([control.frd(NOMINAL, OMEGA), 3.0], {}, "all plants"),
+        ((OMEGA, OMEGA), {}, "UncertaintyModel.from_radius"),
+        ([], {}, "an nlfrf.Bla, a list of them, or plants"),
+        ("bla.npz", {}, "an nlfrf.Bla, a list of them, or plants"),
+    ],
+)
+def test_what_is_neither_record_nor_plant_is_refused(bla, options, expected):
+    with pytest.raises(ValueError, match=expected) as refused:
         robust.uncertainty(bla, NOMINAL, **options)
     assert "\n" not in str(refused.value)

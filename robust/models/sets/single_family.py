@@ -1,0 +1,132 @@
+"""Sets of one channel that hold given plants: FRFs on their lines, systems at all frequencies.
+
+The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. What a system does between
+the lines is decided by exact polynomials: the weight takes in the frequency where a system leaves the set, and what
+remains after a few rounds lifts the whole weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import format_count, require_choice
+from robust._base.types import AnySystem
+from robust.lti.lti import response, timebase
+from robust.lti.realisation import frequency_response, state_space
+from robust.models.fit.nominal import NominalFit, checked_weight, with_delays
+from robust.models.sets.family import CLOSE_LIFT, LIFT, MAX_LIFT, MAX_ROUNDS, TOLERANCE
+from robust.models.sets.forms import FORMS, Form
+from robust.models.sets.membership import require_equal_roots
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import (
+    MIN_RADIUS_RATIO,
+    Extrapolation,
+    fit_extrapolated,
+    larger_neighbour,
+    nominal_response,
+)
+from robust.models.sets.records import Origin
+
+
+def make_set_of_plants(
+    plants: Sequence[AnySystem],
+    nominal: NominalFit | AnySystem | float,
+    *,
+    form: str,
+    order: int | None,
+    rules: Extrapolation,
+    perturbation: str,
+) -> UncertaintyModel:
+    """Return a set of one channel around a nominal that holds every plant."""
+    row = FORMS[require_choice("form", form, tuple(FORMS))]
+    if row.depends_on_units:
+        raise ValueError(f"form must not depend on units where plants are given, got {form}")
+    centre, delay = with_delays(nominal)
+    is_frf = isinstance(centre, control.FrequencyResponseData)
+    centre, dt = (centre, 0.0) if is_frf else (state_space("nominal", centre), timebase(centre))
+    omega, radius = _radius_of_plants(plants, centre, row)
+    source = f"{format_count(len(plants), 'plant')} that were given"
+    kinds = (control.StateSpace, control.TransferFunction)
+    systems = [] if is_frf else [state_space("bla", plant) for plant in plants if isinstance(plant, kinds)]
+    if systems:
+        require_equal_roots(form, [centre, *systems], inverse=row.inverse)
+        source += ", systems inside at all frequencies, FRFs on their lines"
+    covered = rules.extrapolate(omega, radius, dt)
+    for round_ in range(MAX_ROUNDS):
+        weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=1.0 * (covered[0] <= omega[-1]))
+        model = UncertaintyModel(nominal=centre, weight=weight, form=form, omega=omega, radius=radius)
+        bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
+        lift = max([1.0, *(one.upper * LIFT for one in bounds)])
+        if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
+            break
+        for plant, one in zip(systems, bounds, strict=True):
+            covered = _cover_plant(covered, plant, centre, row, one.omega)
+    if not lift < MAX_LIFT:
+        raise ValueError(
+            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
+            f"nominal as the weight reaches, {form} form: give it as an FRF, or another form or order"
+        )
+    weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
+    return UncertaintyModel(
+        nominal=centre,
+        weight=checked_weight(weight, omega, radius, order=order),
+        form=form,
+        omega=omega,
+        radius=radius,
+        perturbation=perturbation,
+        origin=Origin(source=source, extrapolation=str(rules), delay=delay),
+    )
+
+
+def _radius_of_plants(
+    plants: Sequence[AnySystem], nominal: control.StateSpace | control.FrequencyResponseData, form: Form
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines [rad/s] and the largest deviation of a plant on each, in the unit of the form."""
+    lines = _lines_of_frfs(plants, nominal)
+    each, differs = [], False
+    for plant in plants:
+        omega, G = frequency_response("bla", plant, lines, (nominal, *plants))
+        centre = nominal_response(nominal, omega)
+        differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.abs(form.deviation(G, centre))
+        if not np.isfinite(away).all():
+            raise ValueError(
+                f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
+            )
+        each.append(larger_neighbour(lines, omega, away))
+    if not differs:
+        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
+    radius = np.nanmax(each, axis=0)
+    return lines, np.maximum(radius, MIN_RADIUS_RATIO * radius.max())
+
+
+def _lines_of_frfs(
+    plants: Sequence[AnySystem], nominal: control.StateSpace | control.FrequencyResponseData
+) -> np.ndarray:
+    """Return all frequencies [rad/s] of the FRFs among the plants and the nominal."""
+    known = [plant for plant in [*plants, nominal] if isinstance(plant, control.FrequencyResponseData)]
+    if not known:
+        raise ValueError(
+            "bla must hold an FRF, whose lines are those on which plants and nominal are compared: "
+            "uncertainty([control.frd(plant, omega)], nominal). A weight that is known already makes a set by "
+            "UncertaintyModel(nominal, weight, form, omega, radius)"
+        )
+    return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
+
+
+def _cover_plant(
+    covered: tuple[np.ndarray, np.ndarray],
+    plant: control.StateSpace,
+    nominal: control.StateSpace,
+    form: Form,
+    more: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and radii for a weight to cover, with one more, where the deviation of a system counts."""
+    lines, radius = covered
+    omega = np.union1d(lines, [more] * (more > 0))
+    away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
+    return omega, np.maximum(np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away))
