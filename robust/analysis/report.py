@@ -69,7 +69,7 @@ class RobustnessReport(Findings):
     level : LoopLevel or None
         At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
     peak : float
-        Largest |S| over the set that is not warned of; 2 when not given.
+        Largest |S| over the set that is not warned of: that of the demand, 2 without one.
     confidence : tuple of str
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     warnings : tuple of str

@@ -37,7 +37,9 @@ from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
 from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.report import RobustnessReport
-from robust.analysis.text import describe_confidence
+from robust.analysis.text import USUAL_PEAK, describe_confidence
+from robust.lti.connections import biproper_inverse
+from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.measured import warn_of_unknown_hold
@@ -46,6 +48,7 @@ from robust.proofs.search.programs import SOLVERS
 
 #: What one check looks at.
 AnyLoop: TypeAlias = Loop | LoopOfChannels | LoopOnLines | MatrixLoopOnLines
+_LARGEST_PEAK = 4.0  # of |S|: a larger one is poor robustness, whatever a demand allows (SP 2.4.3)
 
 
 @keep_warnings
@@ -74,7 +77,8 @@ def check(
         down from above the Nyquist frequency is part of verdict, margin and certificate. Of several channels it is part
         of the sampled set that is checked, whose weights cover it on a grid.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight: |w_P S_p| <= 1 is asked of every plant of the set.
+        Performance weight: |w_P S_p| <= 1 is asked of every plant of the set. The largest |S| that it allows, 1/|w_P|,
+        is the peak above which thin margins are warned of, where it is 4 at most; else the peak is 2.
     delay : float
         Computation delay [s] on top of what the model contains.
     certify : bool
@@ -132,8 +136,17 @@ def check(
         given=loop.given,
         channels=loop.channels if isinstance(loop, LoopOfChannels | MatrixLoopOnLines) else None,
         level=level,
+        peak=_allowed_peak(loop.given.demand),
         confidence=describe_confidence(model),
     )
+
+
+def _allowed_peak(w_P: control.StateSpace | None) -> float:
+    """Return the largest |S| that a demand allows; the usual limit where that is more than a robust loop has, or any."""
+    if w_P is None or not w_P.issiso() or w_P.D[0, 0] == 0:
+        return USUAL_PEAK
+    allowed, _ = hinf_norm(biproper_inverse(w_P))
+    return allowed if allowed <= _LARGEST_PEAK else USUAL_PEAK
 
 
 def _assemble(

@@ -22,6 +22,7 @@ PRINTED = {
         r"BLA on 148 lines",
         r"\|W T\| < 1 at every frequency: holds \(scaled KYP lemma\)",
         r"statistically robust",
+        r"picture: .*loop\.png",
     ],
     "01_identify_then_design": [
         r"STATISTICALLY ROBUST: this controller keeps every linear plant of the set stable",

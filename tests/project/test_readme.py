@@ -1,4 +1,4 @@
-"""The README, followed word by word: its script, its commands and its links."""
+"""The README, followed word by word: its scripts, its commands and its links; none of them prints a warning."""
 
 import re
 import sys
@@ -38,7 +38,8 @@ def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
     exec(compile(script, "README.md", "exec"), {})
     said = capsys.readouterr().out
     assert "BLA on 148 lines" in said
-    assert "STATISTICALLY ROBUST" in said
+    assert "STATISTICALLY ROBUST: " in said  # with nothing after it: no thin margins
+    assert "warning" not in said.lower()
     assert {path.name for path in tmp_path.iterdir()} == {"plant.mat", "load_plant.m", "report.html"}
 
 
@@ -64,10 +65,30 @@ def test_the_commands_run(tmp_path, monkeypatch, capsys):
             CLIS[words[0]].main()
         answer = capsys.readouterr()
         assert not stop.value.code, (words, answer.err)
+        assert "warning" not in (answer.out + answer.err).lower(), words
         said += answer.out
-    assert "STATISTICALLY ROBUST" in said
+    assert "STATISTICALLY ROBUST: " in said
     assert (tmp_path / "report.html").is_file()
     assert (tmp_path / "shape.html").is_file()
+
+
+def test_pip_and_make_install_into_one_environment():
+    """What `pip install` of the README made is what `make` finds: the same folder, constraints and kind of install."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    environment = re.search(r"^VENV := (.+)$", makefile, re.MULTILINE).group(1)
+    made = re.search(r"python -m venv (\S+) && \. (\S+)/bin/activate", README)
+    assert made.groups() == (environment, environment)
+    assert re.search(r"^INSTALL = .*-c constraints\.txt$", makefile, re.MULTILINE)
+    assert '$(INSTALL) -e ".[full]"' in makefile
+    assert 'python -m pip install -c constraints.txt -e ".[full]"' in README
+
+
+def test_the_first_script_leaves_its_picture_where_the_readme_says():
+    line = re.search(r"python examples/(\w+)\.py +#.*: (\S+)$", README, re.MULTILINE)
+    source = (ROOT / "examples" / f"{line.group(1)}.py").read_text(encoding="utf-8")
+    folder = re.search(r'"--out", type=Path, default=Path\("(.+?)"\)', source).group(1)
+    picture = re.search(r'savefig\(out / "(.+?)"', source).group(1)
+    assert line.group(2) == f"{folder}/{picture}"
 
 
 def test_links_and_commands_exist():

@@ -370,3 +370,25 @@ def test_a_stable_loop_with_thin_margins_is_warned_of():
     assert "What makes it smaller: a lower gain" in found
     assert check(set_, 0.8 * 0.9).margins.S_worst < 0.98 * report.margins.S_worst
     assert "thin margins" not in str(check(set_, 1e-3))
+
+
+def test_the_peak_of_the_demand_is_the_peak_that_is_warned_of():
+    """Where w_P allows |S| = 2.5 a smaller one is no thin margin; a demand without a peak leaves the usual limit."""
+    G = control.ss(control.tf([1], [1, 0.4, 1]))
+    set_ = UncertaintyModel(G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29))
+    K = 0.5
+    worst = check(set_, K).margins.S_worst
+    assert 2.02 < worst < 2.4  # between the customary peak and that of the demand
+    strictly_proper, weak = control.tf([0.1], [1, 0.1]), control.tf([0.1], [1])
+    for w_P, peak in (
+        (performance_weight(1e-3, M_S=2.5), 2.5),
+        (performance_weight(1e-3, M_S=2.5, order=2), 2.5),
+        (performance_weight(1e-3, M_S=1.5), 1.5),
+        (performance_weight(1e-3, M_S=2.5, A=2.4), 2.5),
+        (None, 2.0),
+        (strictly_proper, 2.0),
+        (weak, 2.0),
+    ):
+        report = check(set_, K, w_P=w_P)
+        assert report.peak == pytest.approx(peak, rel=1e-6)
+        assert ("thin margins" in str(report)) == bool(report.thin_margins) == (worst > 1.01 * peak)
