@@ -17,7 +17,7 @@ import numpy as np
 
 import nlfrf
 import robust
-from nlfrf.plot import plot_bla, plot_levels
+from nlfrf.plot import plot_bla, plot_levels, plot_phase
 from robust.plot import plot_check, plot_loop, plot_set, plot_weight
 
 parser = argparse.ArgumentParser()
@@ -27,7 +27,7 @@ parser.add_argument("--output", default="y")
 parser.add_argument("--fs", type=float)
 parser.add_argument("--period", type=int)
 parser.add_argument("--discard", type=int, default=1)
-parser.add_argument("--poles", type=int, default=3)
+parser.add_argument("--poles", type=int, help="of the nominal model; when not given as the data ask for")
 parser.add_argument("--bandwidth", type=float, default=20.0, help="crossover of the loop [Hz]")
 parser.add_argument("--sample-time", type=float, default=1e-3, help="of the controller [s]")
 parser.add_argument("--out", type=Path, default=Path("demo"))
@@ -55,8 +55,13 @@ nlfrf.save(bla, args.out / "bla.npz")
 print(bla)
 
 # %%
-# A nominal plant, and the uncertainty that covers the bound.
-nominal = robust.fit_nominal(bla, n_poles=args.poles, delay=0.0)
+# A nominal plant, with as few poles as leave no more than the scatter of the lines, and the uncertainty that covers the
+# bound.
+orders = range(1, 6) if args.poles is None else [args.poles]
+scan = robust.models.scan_orders(bla, n_poles=orders)
+nominal = scan.fit
+left = [f"{n} poles {ratio:.3g}" for n, ratio in zip(scan.n_poles, scan.cost / scan.expected_cost, strict=True)]
+print(f"poles: {scan.best} suffice; squared error over that of scatter alone:\n  {', '.join(left)}")
 model = robust.uncertainty(bla, nominal, order=4)
 robust.save(model, args.out / "model.json")
 print(nominal)
@@ -78,14 +83,14 @@ robust.reports.write_report(
 print(report.summary)
 
 pictures = {
-    "bla.png": ((plot_bla, bla), (plot_levels, bla)),
-    "model.png": ((plot_set, model), (plot_weight, model)),
+    "bla.png": ((plot_bla, bla), (plot_phase, bla), (plot_levels, bla)),
+    "model.png": ((plot_set, model, bla), (plot_weight, model)),
     "check.png": ((plot_loop, report), (plot_check, report)),
 }
 for name, panels in pictures.items():
-    figure, axes = plt.subplots(len(panels), 1, figsize=(9, 9), layout="constrained")
-    for ax, (draw, what) in zip(axes, panels, strict=True):
-        draw(what, ax=ax)
+    figure, axes = plt.subplots(len(panels), 1, figsize=(9, 4.5 * len(panels)), layout="constrained")
+    for ax, (draw, *what) in zip(axes, panels, strict=True):
+        draw(*what, ax=ax)
     figure.savefig(args.out / name, dpi=110)
 files = ", ".join(sorted(p.name for p in args.out.glob("*.[npj]*")))
 print(f"{args.out}:\n  report.html and report.txt say it in full; in the same folder:\n  {files}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 #: Axes as `plt.subplots` gives them: one, or several.
 AxesLike: TypeAlias = "Axes | list[Axes] | tuple[Axes, ...] | np.ndarray"
+_TITLE_LETTERS, _SMALL_LETTERS = 10.0, 16.0  # of a title in an inch, large and small
 _LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
 _MARKER_SIZE = 6
 _DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
@@ -120,12 +122,20 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
 
 
 def finish_axes(ax: Axes) -> Axes:
-    """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
+    """Draw grid and legend, the same in every picture; the title fits, the legend stands below the axes."""
     _draw_grid(ax)
+    _fit_title(ax)
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         _legend_below(ax, handles, labels=labels)
     return ax
+
+
+def _fit_title(ax: Axes) -> None:
+    """Set a title that is wider than the axes in small letters, and wrap it: a figure cuts off what sticks out."""
+    wide = ax.get_position().width * ax.figure.figure.get_figwidth()
+    if len(ax.get_title()) > wide * _TITLE_LETTERS:
+        ax.set_title(fill(ax.get_title(), int(wide * _SMALL_LETTERS)), fontsize="small")
 
 
 def _draw_grid(ax: Axes) -> None:

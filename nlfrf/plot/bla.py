@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _BAND_ALPHA = 0.25  # of bounds that lie over one another
+_BEST = "best linear approximation"
 _LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
 
 
@@ -76,7 +77,7 @@ def _draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
     size, radius = np.abs(bla.G), bla.bound(confidence)
     label = f"{100 * confidence:g} % bound"
     gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER_100)
-    ax.plot(bla.f, to_decibel(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label="|G|, best linear approximation")
+    ax.plot(bla.f, to_decibel(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label=_BEST)
     follow_lines(ax)
     ax.set(ylabel=f"magnitude [dB, {bla.unit or 'unit of y / u'}]")
 
@@ -107,8 +108,9 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
     _require_single(bla)
     ax = axes_or_new(ax)
     phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
-    ax.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0)
-    ax.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"])
+    label = f"{100 * confidence:g} % bound"
+    ax.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+    ax.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"], label=_BEST)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
     return finish_axes(ax)
 

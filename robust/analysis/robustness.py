@@ -142,7 +142,7 @@ def check(
 
 
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
-    """Return the largest |S| that a demand allows; the usual limit where that is more than a robust loop has, or any."""
+    """Return the largest |S| that a demand allows; the usual limit where it allows more than 4."""
     if w_P is None or not w_P.issiso() or w_P.D[0, 0] == 0:
         return USUAL_PEAK
     allowed, _ = hinf_norm(biproper_inverse(w_P))

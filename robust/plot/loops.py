@@ -121,7 +121,7 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         label = "reached by a perturbation that was found"
         ax.axhline(1 / report.margins.broken, color=COLOR["loop"], lw=1, ls=":", label=label)
         drawn.append(np.array([1 / report.margins.broken]))
-    ax.axhline(1, color="0.3", lw=1, ls=":" if single else "-")
+    ax.axhline(1, color="0.3", lw=1, ls=":" if single else "-", label="limit")
     ax.set(
         xscale="log",
         yscale="log",
@@ -157,7 +157,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     L = report.curves.L
     reach = 2.5
     ax.plot(L.real, L.imag, "-", lw=1.6, color=COLOR["radius"], label="nominal L")
-    ax.plot(L.real, -L.imag, "-", lw=0.7, color=COLOR["noise"])
+    ax.plot(L.real, -L.imag, "-", lw=0.7, color=COLOR["noise"], label="negative frequencies")
     centre, radius = report.discs
     near = np.flatnonzero((np.abs(L + 1) < reach) & np.isfinite(radius) & (radius > 0))
     if near.size:
@@ -239,7 +239,7 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     """
     require_kind("step", step, StepResponse)
     ax, worst = axes_or_new(ax), step.worst if worst is None else worst
-    ax.axhline(step.final, color="0.5", lw=0.8)
+    ax.axhline(step.final, color="0.5", lw=0.8, label="final value")
     end = max(one.t[-1] for one in (step, worst) if one is not None)
     drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))
     for one, label, color, style in drawn:

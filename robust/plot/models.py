@@ -28,7 +28,7 @@ from robust.models.fit.nominal import NominalFit, bla_behind_hold
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.orders import OrderScan
-from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, mark_band, to_hertz
+from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, PART, STYLE, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +36,15 @@ if TYPE_CHECKING:
 #: The parts of a budget in grey.
 _HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 
+#: The measurement that lowers a part of the radius.
+_NEXT_MEASUREMENT = {
+    "noise": "measure more periods",
+    "odd": "measure more realisations, or at the level of the loop",
+    "even": "measure about another set point, or without an offset",
+    "misfit": "needs no measurement, but more poles",
+    "level": "measure a narrower range of levels",
+    "systematic": "measure at a second level",
+}
 _AXIS_MARGIN = 15.0  # dB under the least gain of the nominal in a row
 _FLAT_MARGIN = 5.0  # dB above and below a weight that is a number
 _MAX_MARKERS = 300  # measured lines of several channels that are drawn with their bounds
@@ -65,7 +74,8 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
     floor = model.radius.min() * 10 ** (-25 / 20)
     for name, part in model.budget.items():
         if np.any(part > floor):
-            ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
+            label = f"part: {PART[name]}"
+            ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=label)
     ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
     wide = _widened_band(model)
     ax.plot(
@@ -85,7 +95,6 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
         ylabel=f"radius, {model.form} [{', '.join(['dB', *[unit] * bool(unit)])}]",
         title=f"Uncertainty weight of order {model.weight.nstates}; {model.origin.extrapolation}",
     )
-    ax.title.set_fontsize("small")
     return finish_axes(ax)
 
 
@@ -225,7 +234,10 @@ def _magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """Return what the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
+    """Draw the shares of the radius over frequency, and name what to measure; arguments as in `plot_weight`.
+
+    The legend gives the share of each part, as the mean over the lines, and the measurement that lowers this part.
+    """
     require_one_channel(model, "plot_weight shows every radius, budget its parts", "for this picture", parametric=False)
     ax = axes_or_new(ax)
     f = to_hertz(model.omega)
@@ -234,8 +246,9 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
         share = 100 * np.nan_to_num(part) / model.radius
         if np.any(share > 0.5):
             over, colour, hatch = below + share, COLOR[name], _HATCH[name]
+            label = f"{PART[name]}, {np.mean(share):.0f} %: {_NEXT_MEASUREMENT[name]}"
             ax.fill_between(
-                f, below, over, lw=0, label=name, alpha=0.75, facecolor=colour, edgecolor="0.25", hatch=hatch
+                f, below, over, lw=0, label=label, alpha=0.75, facecolor=colour, edgecolor="0.25", hatch=hatch
             )
             below = below + share
     ax.set(

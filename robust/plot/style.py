@@ -28,9 +28,10 @@ def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] =
             start, end = min(start, f / _AXIS_MARGIN), max(end, f * _AXIS_MARGIN)
     end = max(min(end, top), high)
     ax.set_xlim(start, end)
-    for one, other in ((start, low), (high, end)):
-        if other > one * (1 + 1e-9):
-            ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured")
+    outside = [(one, other) for one, other in ((start, low), (high, end)) if other > one * (1 + 1e-9)]
+    for k, (one, other) in enumerate(outside):
+        label = None if k else "not measured"
+        ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured", label=label)
 
 
 def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
@@ -62,6 +63,15 @@ COLOR = {
     "weight": "#009E73",
     "loop": "#0072B2",
     "limit": "#D55E00",
+}
+#: The parts of the radius in words.
+PART = {
+    "noise": "noise",
+    "odd": "odd distortion",
+    "even": "even distortion",
+    "misfit": "misfit of the model",
+    "level": "change with the level",
+    "systematic": "allowance for the systematic part",
 }
 #: Of several records, one after the other.
 MEASURED = (COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"])

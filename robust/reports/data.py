@@ -234,7 +234,11 @@ def set_section(model: UncertaintyModel) -> Section:
     ]
     if model.is_single and model.budget:
         pictures.append(
-            parts.draw_picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
+            parts.draw_picture(
+                plot.plot_budget,
+                model,
+                caption="Parts of the radius, their share as the mean over the lines, and what to measure next.",
+            )
         )
     return Section(
         name="set",

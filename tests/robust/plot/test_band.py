@@ -106,6 +106,35 @@ def test_legends_are_off_the_data_and_every_entry_has_its_line(name):
     plt.close(figure)
 
 
+@pytest.mark.parametrize("name", OVER_FREQUENCY)
+def test_the_legend_explains_the_grey_band_and_every_colour_of_a_curve(name):
+    """Of curves over frequency; a line across all of the picture that says where 0 dB is has none."""
+    figure, ax = plt.subplots(layout="constrained")
+    OVER_FREQUENCY[name](ax)
+    legend = figure.axes[-1].get_legend()
+    assert [text.get_text() for text in legend.get_texts()].count("not measured") == 1
+    explained = {matplotlib.colors.to_hex(line.get_color()) for line in legend.get_lines()}
+    for drawn in figure.axes:
+        curves = [line for line in drawn.get_lines() if np.size(line.get_xdata()) > 2]
+        assert {matplotlib.colors.to_hex(line.get_color()) for line in curves} <= explained
+    plt.close(figure)
+
+
+@pytest.mark.parametrize("width", [4.0, 7.6, 12.0])
+def test_no_title_sticks_out_of_its_figure(width):
+    """The longest titles: a weight with what is assumed outside the band, and the samples of a record."""
+    ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rms=1.23456e-5, rng=1)
+    record = nlfrf.Record(u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines, u_name="current of the drive")
+    for draw, content in ((pictures.plot_weight, MODEL), (measured_pictures.plot_samples, record)):
+        figure = plt.figure(figsize=(width, 5))
+        ax = draw(content, ax=figure.add_axes((0.11, 0.2, 0.87, 0.7)))
+        figure.canvas.draw()
+        box = ax.title.get_window_extent()
+        assert 0 <= box.x0 < box.x1 <= figure.bbox.width, (width, ax.get_title())
+        assert box.y1 <= figure.bbox.height
+        plt.close(figure)
+
+
 def test_the_bode_picture_holds_measured_points_nominal_and_set():
     top, bottom = pictures.plot_set(MODEL, BLA)
     assert (top.get_xscale(), bottom.get_xscale()) == ("log", "log")
@@ -115,10 +144,10 @@ def test_the_bode_picture_holds_measured_points_nominal_and_set():
     at = nominal.get_xdata()
     exact = np.degrees(np.unwrap(np.angle(MODEL.at(2 * np.pi * at))))
     np.testing.assert_allclose(nominal.get_ydata(), exact, atol=1e-6)
-    assert {"the set", "nominal", "measured, 95 % bound"} == set(labels(bottom))
+    assert {"the set", "nominal", "measured, 95 % bound", "not measured"} == set(labels(bottom))
     plt.close(top.figure)
     top, bottom = measured_pictures.plot_bode(BLA)
-    assert {"95 % bound", "|G|, best linear approximation"} == set(labels(bottom))
+    assert {"95 % bound", "best linear approximation"} == set(labels(bottom))
     plt.close(top.figure)
 
 

@@ -115,7 +115,7 @@ def test_singular_values_of_a_loop(ax):
     assert set(OMEGA) <= set(gains.omega)
     pictures.plot_loop(gains, ax=ax)
     np.testing.assert_allclose(curve(ax, "S, largest")[1], 20 * np.log10(gains.S[0]))
-    assert len(labels(ax)) == 6
+    assert len(labels(ax)) == 7  # with the band that was not measured
     bad = robust.analysis.loop_gains(G, -10 * np.eye(2))
     assert not bad.stable
     ax.clear()

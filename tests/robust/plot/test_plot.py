@@ -45,15 +45,19 @@ def test_weight_lies_over_the_radius(ax):
     on_lines, radius = curve(ax, "radius on the lines")
     assert np.all(np.interp(on_lines, f, weight) >= radius - 1e-6)
     assert f.min() < F[0] < F[-1] < f.max()
-    assert "part: odd" in labels(ax)
-    assert MODEL.origin.extrapolation in ax.get_title()
+    assert "part: odd distortion" in labels(ax)
+    assert MODEL.origin.extrapolation in " ".join(ax.get_title().split())
 
 
 def test_budget_adds_up_to_a_hundred(ax):
     pictures.plot_budget(MODEL, ax=ax)
     top = max(path.vertices[:, 1].max() for patch in ax.collections for path in patch.get_paths())
     assert top == pytest.approx(100)
-    assert {"noise", "odd", "even"} <= set(labels(ax))
+    shares = {label.partition(":")[0]: label.partition(":")[2] for label in labels(ax)}
+    for name, words in (("noise", "noise"), ("odd", "odd distortion"), ("even", "even distortion")):
+        share = 100 * np.mean(MODEL.budget[name] / MODEL.radius)
+        assert "measure" in shares[f"{words}, {share:.0f} %"]  # a measurement stands beside each part
+    assert "more poles" in next(text for part, text in shares.items() if part.startswith("misfit of the model"))
 
 
 def test_loop_and_check(ax):
