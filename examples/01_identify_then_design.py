@@ -61,7 +61,7 @@ orders = range(1, 6) if args.poles is None else [args.poles]
 scan = robust.models.scan_orders(bla, n_poles=orders)
 nominal = scan.fit
 left = [f"{n} poles {ratio:.3g}" for n, ratio in zip(scan.n_poles, scan.cost / scan.expected_cost, strict=True)]
-print(f"poles: {scan.best} suffice; squared error over that of scatter alone:\n  {', '.join(left)}")
+print(f"poles: {scan.best} taken; squared error over that of scatter alone:\n  {', '.join(left)}")
 model = robust.uncertainty(bla, nominal, order=4)
 robust.save(model, args.out / "model.json")
 print(nominal)

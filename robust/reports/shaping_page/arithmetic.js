@@ -10,6 +10,7 @@ const TWO_PI = 2 * Math.PI;
 const AT_A_POLE = 1e140; // stands for a response at a pole on the axis
 const RULES = 1e4; // times all aliases together: then the plant at a frequency is told from the sampled one
 const STEEP = 0.35; // phase step [rad] of 1 + L between two frequencies above which there are too few
+const RISE = 1.1; // from a valley to a peak
 const ROUNDS = 6, MOST_INSERTED = 400, PIECES = 8, MAXIMA = 8, NEARLY = 0.8;
 
 // ---------------------------------------------------------------------------------------------- responses of systems
@@ -346,6 +347,21 @@ function largest(omega, values) {
   let k = 0;
   for (let i = 1; i < values.length; i++) if (values[i] > values[k]) k = i;
   return { value: values[k], omega: omega[k] };
+}
+
+/** The largest peak inside a band: higher by a tenth than the valleys on both sides of it; {value, omega}, zeros where none. */
+function largestPeak(omega, values, low, high) {
+  let best = { value: 0, omega: 0 }, valley = Infinity, top = null;
+  for (let i = 0; i < omega.length; i++) {
+    if (omega[i] < low || omega[i] > high) continue;
+    const value = values[i];
+    if (top && value * RISE < top.value) { // it fell from a top
+      if (top.value > best.value) best = top;
+      top = null; valley = value;
+    } else if (top ? value > top.value : value > RISE * valley) top = { value, omega: omega[i] };
+    if (!top) valley = Math.min(valley, value);
+  }
+  return best;
 }
 
 /** Every crossover [rad/s], phase margin [rad] and gain margin [factor] of L. */

@@ -1,8 +1,10 @@
-"""The controller that the page begins with where none is given: a gain, integrator and lead where G asks for them."""
+"""The controller that the page begins with where none is given: a gain, and the elements that G asks for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
@@ -19,32 +21,50 @@ _LEAST_LAG, _MOST_LAG = (
     70.0,
 )  # of the integrator at the crossover [degrees]: a corner at a tenth, or at 2.7 times it
 _LEAST_LEAD, _MOST_LEAD = 5.0, 65.0  # [degrees]; one lead gives no more without a gain that noise does not allow
-#: Crossovers over the first, tried in this order until a loop is robustly stable. Where one was asked for, higher ones
-#: come before lower ones, at which the demand fails.
+_NOT_ROBUST = 1e6  # times rs, for a loop that is not robustly stable: beside it no demand counts
+_MOST_ROLL_OFF = 45.0  # phase that a roll-off of first order takes at the crossover [degrees]: its corner is there
+_BELOW_NYQUIST = 0.9  # of the Nyquist frequency, for a corner
+#: Crossovers over the first, tried in this order until a loop is robust and meets the demand. Where one was asked
+#: for, higher ones come before lower ones, at which the demand fails.
 _BELOW, _AROUND = 2.0 ** -np.arange(7), np.array([1, 2, 4, *2.0 ** -np.arange(1, 5)])
 
 
 def starting_state(
     models: Sequence[UncertaintyModel], loops: Sequence[Loop], omega: np.ndarray, *, omega_c: float | None, delay: float
 ) -> JsonObject:
-    """Return gain and elements that make |L| = 1 at omega_c [rad/s], or near it where that is not robustly stable.
+    """Return gain and elements that make |L| = 1 at omega_c [rad/s], or near it where that is not robust.
 
-    Without omega_c the demand says it (|w_P| = 1), or the set: half the frequency where its radius reaches |G|.
+    Without omega_c the demand says it (|w_P| = 1), or the set: half the frequency where its radius reaches |G|. The
+    first loop that is robustly stable and meets the demand is taken, else the one that is nearest to it.
     """
     asked = omega_c if omega_c is not None else _end_of_demand(loops[0], omega)
     first, top = asked or _end_of_set(models[0], loops[0], omega) / 2, loops[0].omega_max / 2
-    found: list[tuple[int, JsonObject]] = []
+    found: list[tuple[float, JsonObject]] = []
     for crossover in np.minimum(first * (_AROUND if asked else _BELOW), top):
-        for sign in (1.0, -1.0):
-            state = _shape_for(loops[0], float(crossover), sign)
+        if crossover < first and any(missed < _NOT_ROBUST for missed, _ in found):  # it meets the demand even less
+            break
+        for sign, most_roll_off in product((1.0, -1.0), (0.0, _MOST_ROLL_OFF)):
+            state = _shape_for(loops[0], float(crossover), sign, most_roll_off=most_roll_off)
             K = shaped_controller(state, 1.0, loops[0].dt)
-            tried = [assemble_loop(model, K, w_P=None, delay=delay) for model in models]
-            stable = all(decide_in_floating_point(loop).stable for loop in tried)
-            robust = stable and all(np.all(loop.curves(omega).rs < 1) for loop in tried)
-            if robust:
+            tried = [assemble_loop(model, K, w_P=loops[0].w_P, delay=delay) for model in models]
+            found.append((_missed(tried, omega), state))
+            if found[-1][0] <= 1:
                 return state
-            found.append((not stable, state))
-    return min(found, key=lambda one: one[0])[1]
+    return min(found, key=itemgetter(0))[1]
+
+
+def _missed(loops: Sequence[Loop], omega: np.ndarray) -> float:
+    """Return the largest rp of loops on the grid, at most 1 where there is no demand.
+
+    It is more than any rp, and grows with rs, where a loop is not robustly stable, and infinite where one is unstable.
+    """
+    if not all(decide_in_floating_point(loop).stable for loop in loops):
+        return np.inf
+    curves = [loop.curves(omega) for loop in loops]
+    rs = float(max(np.max(one.rs) for one in curves))
+    if rs >= 1:
+        return _NOT_ROBUST * rs
+    return max((float(np.max(one.rp)) for one in curves if one.w_P is not None), default=rs)
 
 
 def _end_of_demand(loop: Loop, omega: np.ndarray) -> float | None:
@@ -61,20 +81,26 @@ def _end_of_set(model: UncertaintyModel, loop: Loop, omega: np.ndarray) -> float
     return float(omega[min(below[-1] + 1, omega.size - 1)] if below.size else omega[0])
 
 
-def _shape_for(loop: Loop, omega_c: float, sign: float) -> JsonObject:
-    """Return the gain of that sign, with integrator and lead, for |L| = 1 and the phase margin at omega_c."""
+def _shape_for(loop: Loop, omega_c: float, sign: float, *, most_roll_off: float) -> JsonObject:
+    """Return the gain of that sign, with integrator and lead, for |L| = 1 and the phase margin at omega_c.
+
+    A roll-off takes the phase that is left, up to most_roll_off [degrees]: it keeps resonances above omega_c down.
+    """
     G = complex(loop.plant_response(np.array([omega_c]))[0])
     # a phase from -270 to 90 degrees: a plant that leads by more is one that lags
     surplus = (np.degrees(np.angle(sign * G)) + 270) % 360 - 90 - _PHASE_MARGIN
-    elements, f_c = [], omega_c / 2 / np.pi
+    elements, f_c, highest = [], omega_c / 2 / np.pi, _BELOW_NYQUIST * loop.omega_max / 2 / np.pi
     poles = loop.given_plant.poles()
     integrates = np.any(np.abs(poles - 1 if loop.given_plant.dt else poles) < 1e-6 * omega_c * (loop.dt or 1.0))
     if not integrates:
         lag = float(np.clip(surplus, _LEAST_LAG, _MOST_LAG))
         surplus -= lag
-        elements.append({"kind": "integrator", "f": _tidy(f_c * np.tan(np.radians(lag)))})
+        elements.append({"kind": "integrator", "f": _tidy(min(f_c * np.tan(np.radians(lag)), highest))})
     if -surplus > _LEAST_LEAD:
         elements.append({"kind": "lead", "f": _tidy(f_c), "phase": _tidy(min(-surplus, _MOST_LEAD))})
+    elif min(surplus, most_roll_off) > _LEAST_LAG:
+        corner = f_c / np.tan(np.radians(min(surplus, most_roll_off)))
+        elements.append({"kind": "roll-off", "f": _tidy(min(corner, highest)), "order": 1, "zeta": 0.7})
     state: JsonObject = {"gain": 1.0, "elements": elements}
     at = np.exp(1j * omega_c * loop.dt) if loop.dt else 1j * omega_c
     gain = 1 / abs(G * shaped_controller(state, 1.0, loop.dt)(at))

@@ -10,12 +10,21 @@ const KINDS = {
   integrator: { title: "Integrator", sign: "∫", begin: f => ({ f: f / 10 }), help: "(s + ω)/s: error to zero", fields: {} },
   lead: { title: "Lead", sign: "φ", begin: f => ({ f, phase: 30 }), help: "phase at its frequency, gain one there",
     fields: { phase: { title: "phase", unit: "°", least: 1, most: 85, perPixel: 0.25, key: 1 } } },
-  notch: { title: "Notch", sign: "V", begin: f => ({ f: 3 * f, depth: 0.2, width: 0.5 }), help: "a dip over a resonance",
+  notch: { title: "Notch", sign: "V", begin: (f, peak) => ({ f: peak || 3 * f, depth: 0.2, width: 0.5 }), help: "a dip over the resonance that limits rs",
     fields: { depth: { title: "depth", unit: "", least: 0.01, most: 10, ratio: 0.01, key: 0.06 },
       width: { title: "width", unit: "", least: 0.02, most: 3, ratio: 0.01, key: 0.06 } } },
   "roll-off": { title: "Roll-off", sign: "↘", begin: f => ({ f: 5 * f, order: 1, zeta: 0.7 }), help: "low-pass against noise",
     fields: { zeta: { title: "damping", unit: "", least: 0.1, most: 1.5, ratio: 0.005, key: 0.03 },
       order: { title: "order", unit: "", least: 1, most: 2, whole: true } } },
+};
+/** What the numbers of a verdict mean, shown where the pointer rests. */
+const MEANING = {
+  rs: "Robust stability: share of the distance from L to −1 that the set takes up, at its largest. Below 1 the loop is stable with every plant of the set.",
+  rp: "Robust performance: |w_P S| with the worst plant of the set, at its largest. At most 1 every plant meets the demand.",
+  crossover: "Frequencies at which the nominal |L| is 1.",
+  phase: "Phase margin of the nominal loop: the phase lag at a crossover that makes it unstable.",
+  gain: "Gain margin of the nominal loop: the factor of the gain that makes it unstable.",
+  disk: "Disk margin α of the nominal loop, 0 to 2: gain and phase may change together. The gain alone may change by a factor up to (2 + α)/(2 − α), the phase alone by up to 2 arctan(α/2).",
 };
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const tidy = x => Number(x.toPrecision(4));
@@ -53,9 +62,9 @@ function start(root, content, changed = () => {}, begin = null) {
   const panels = Object.fromEntries([
     ["loop", "Loop gain |L| and its bounds", [...(problem.demand ? [[TOO_LOW, "too low for the demand"]] : []), [TOO_HIGH, "too high for the set"]]],
     ["nyquist", "Nyquist, with the discs of the set", content.models.map((model, k) => [COLOURS[k % 6], content.models.length > 1 ? `L of ${model.name} over its set` : "L over the set"])],
-    ["robust", `rs${problem.demand ? " (solid) and rp (dashed)" : ""}, to lie below 1`], ["sensitivity", `|S| (solid) and |T| (dashed)${problem.demand ? ", 1/|w_P| (dotted)" : ""}`],
+    ["robust", `rs${problem.demand ? " (solid) and rp (dashed)" : ""}, to lie below 1`, [], `${MEANING.rs}${problem.demand ? ` ${MEANING.rp}` : ""}`], ["sensitivity", `|S| (solid) and |T| (dashed)${problem.demand ? ", 1/|w_P| (dotted)" : ""}`],
     ["step", "Step response, r to y"],
-  ].map(([name, title, areas]) => [name, panel(name, title, areas)]));
+  ].map(([name, title, areas, help]) => [name, panel(name, title, areas, help)]));
   const elements = make("section.elements", { "aria-label": "Controller" }), gains = make("div.gains");
   const python = make("pre.code", { tabindex: 0, "aria-label": "Python" });
   root.append(
@@ -70,7 +79,7 @@ function start(root, content, changed = () => {}, begin = null) {
         make("section.prove", {}, make("h2", {}, "Prove"), ...proving(content, () => state)),
         make("section", {}, make("h2", {}, "Python"), copyButton(() => python.textContent), python))));
 
-  const loop = curvePlot(panels.loop.place, { y: [-60, 60], label: "|L| [dB]", tall: true, below: drawBounds });
+  const loop = curvePlot(panels.loop.place, { y: [-60, 60], label: "|L| [dB]", tall: true, below: drawBounds, drawn: () => answer && placeHandles() });
   const robust = curvePlot(panels.robust.place, { y: [0, 1.5], label: problem.demand ? "rs, rp [-]" : "rs [-]", below: drawLimit, dashes: [[], [6, 4]] });
   const sensitivity = curvePlot(panels.sensitivity.place, { y: [-50, 15], label: "|S|, |T| [dB]", dashes: [[], [6, 4]], demand: true });
   const stepPlot = curvePlot(panels.step.place, { y: [-0.2, 1.8], label: "y over the step of r [-]", time: true });
@@ -114,8 +123,17 @@ function start(root, content, changed = () => {}, begin = null) {
 
   function add(name) {
     const f = answer && answer.models[0].crossovers.length ? answer.models[0].crossovers.at(-1) / TWO_PI : Math.sqrt(band.low * band.high);
-    set({ ...state, elements: [...state.elements, limited({ kind: name, ...KINDS[name].begin(clamp(f, band.low, band.high)) })] });
+    set({ ...state, elements: [...state.elements, limited({ kind: name, ...KINDS[name].begin(clamp(f, band.low, band.high), answer && limitingPeak()) })] });
     drawElements(); commit();
+  }
+
+  /** The frequency [Hz] of the resonance that limits, 0 where none does: the peak of |L| within an octave of the largest
+   * peak of rs, of any model. Feedback moves the peak of rs: a notch there, beside the resonance, would turn its phase. */
+  function limitingPeak() {
+    const found = answer.models.map(m => ({ m, ...largestPeak(answer.omega, m.rs, TWO_PI * band.low, TWO_PI * band.highest) }));
+    const { m, omega } = found.reduce((one, other) => (other.value > one.value ? other : one));
+    const resonance = largestPeak(answer.omega, Float64Array.from(m.lr, (r, i) => Math.hypot(r, m.li[i])), omega / 2, omega * 2);
+    return (resonance.omega || omega) / TWO_PI;
   }
 
   function remove(k) { set({ ...state, elements: state.elements.filter((_, i) => i !== k) }); drawElements(); commit(); }
@@ -216,7 +234,6 @@ function start(root, content, changed = () => {}, begin = null) {
     drawStep();
     nyquist.show(answer, content);
     drawVerdicts();
-    placeHandles();
     python.textContent = pythonOf(content, state);
     drawGains();
     undo.disabled = !history.past.length; redo.disabled = !history.future.length;
@@ -254,15 +271,22 @@ function start(root, content, changed = () => {}, begin = null) {
   function drawVerdicts() {
     const cards = answer.models.map((m, k) => {
       const good = m.verdict === "holds on the grid";
-      const facts = m.stable ? [["max rs", m.maxRs.value, m.maxRs.omega], ...(m.maxRp ? [["max rp", m.maxRp.value, m.maxRp.omega]] : [])] : [];
-      const margins = m.stable ? `${crossing(m.crossovers)} · ${brief(m.phaseMargin * 180 / Math.PI)}° · gain ×${brief(m.gainMargin)} · disk ${brief(m.disk)}` : "";
+      const facts = m.stable ? [["rs", m.maxRs.value, m.maxRs.omega], ...(m.maxRp ? [["rp", m.maxRp.value, m.maxRp.omega]] : [])] : [];
+      const margins = m.stable ? [["crossover", crossing(m.crossovers)], ["phase", `phase ${brief(m.phaseMargin * 180 / Math.PI)}°`], ["gain", `gain ×${brief(m.gainMargin)}`], ["disk", `disk ${brief(m.disk)}`]] : [];
       const said = m.verdict === "unstable" ? `unstable: ${m.count} poles` : m.verdict;
       return make(`div.card${good ? "" : m.verdict === "demand not met" ? ".weak" : ".bad"}`, { style: `--level:${COLOURS[k % 6]}` },
         make("span.level", {}, content.models.length > 1 ? m.name : "Nominal and set"), make("strong", {}, said),
-        ...facts.map(([name, value, omega]) => make("span.fact", {}, `${name} ${value > 99 ? "∞" : value.toFixed(3)}`, make("small", {}, ` at ${brief(omega / TWO_PI)} Hz`))),
-        make("span.margins", {}, margins));
+        ...facts.map(([name, value, omega]) => make("span.fact", {}, make("span.help", { title: MEANING[name] }, `max ${name}`), ` ${value > 99 ? "∞" : value.toFixed(3)}`, make("small", {}, ` ${placeOf(omega)}`))),
+        make("span.margins", {}, ...margins.flatMap(([name, text], i) => [i ? " · " : "", make("span.help", { title: MEANING[name] }, text)])));
     });
     verdicts.replaceChildren(...cards, make("p.note", {}, "On a grid of frequencies. Nothing here is proved; “Prove” says how it is."));
+  }
+
+  /** Where a peak lies: a number says nothing where nothing was measured and nothing is drawn. */
+  function placeOf(omega) {
+    const f = omega / TWO_PI;
+    if (f < band.low) return "below the band";
+    return f > band.high ? "above the band" : `at ${brief(f)} Hz`;
   }
 
   function crossing(found) {
@@ -326,7 +350,7 @@ function start(root, content, changed = () => {}, begin = null) {
 
   // ----------------------------------------------------------------------------------------------------------- plots
   /** A plot of curves over frequency, or time, with room for what lies below them. */
-  function curvePlot(place, { y, label, tall = false, time = false, below = null, dashes = [[]], demand = false }) {
+  function curvePlot(place, { y, label, tall = false, time = false, below = null, drawn = null, dashes = [[]], demand = false }) {
     const count = content.models.length, series = [{}];
     for (const dash of dashes) for (let k = 0; k < count; k++) series.push({ stroke: COLOURS[k % 6], width: dash.length ? 1.6 : 2, dash, points: { show: false }, spanGaps: false });
     if (dashes.length > 1 && !demand && !problem.demand) series.splice(1 + count);
@@ -338,11 +362,11 @@ function start(root, content, changed = () => {}, begin = null) {
       padding: [8, 10, 0, 0],
       scales: { x: time ? { time: false, range: () => xRange } : { time: false, distr: 3, range: () => xRange }, y: { range: () => yRange } },
       axes: [axisOf(24, time ? { label: "Time [s]" } : { label: "Frequency [Hz]", values: frequencies, filter: (u, splits) => splits }), axisOf(40, { label, values: (u, splits) => splits.map(brief) })], series,
-      hooks: { drawClear: below ? [below] : [] } };
+      hooks: { drawClear: below ? [below] : [], draw: drawn ? [drawn] : [] } }; // a scale is new only when the plot is drawn
     const plot = new uPlot(options, [[1], ...series.slice(1).map(() => [null])], place);
     const fit = () => {
       const width = Math.max(220, Math.floor(place.clientWidth)), height = tall ? clamp(Math.round(0.72 * width), 300, 420) : clamp(Math.round(0.66 * width), 190, 260);
-      if (width !== plot.width || height !== plot.height) { plot.setSize({ width, height }); if (answer) placeHandles(); }
+      if (width !== plot.width || height !== plot.height) plot.setSize({ width, height });
     };
     watch(place, fit);
     return { plot, over: plot.over,
@@ -395,10 +419,10 @@ function bandOf(content) {
 }
 
 /** A picture with its title, and a legend of its shaded areas, [colour, words]. */
-function panel(name, title, areas = []) {
+function panel(name, title, areas = [], help = "") {
   const place = make("div.place"), note = make("span.unit");
   const legend = make("div.legend", {}, ...areas.map(([colour, words]) => make("span", { style: `--area:${colour}` }, words)));
-  return { frame: make(`figure.panel.${name}`, {}, make("figcaption", {}, title, note), legend, place), place, note };
+  return { frame: make(`figure.panel.${name}`, {}, make("figcaption", help ? { title: help } : {}, title, note), legend, place), place, note };
 }
 
 function watch(place, fit) { new ResizeObserver(fit).observe(place); requestAnimationFrame(fit); }

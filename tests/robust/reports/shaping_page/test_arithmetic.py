@@ -44,6 +44,9 @@ def ask(tmp_path_factory):
             given = ", ".join(json.dumps(part) for part in (content, state, list(omega), list(times)))
             return page.run(f"asked({given})")
 
+        asked.peak = lambda values, low, high: page.run(
+            f"largestPeak({list(range(1, len(values) + 1))}, {list(values)}, {low}, {high})"
+        )
         yield asked
 
 
@@ -127,6 +130,23 @@ def test_a_shape_that_is_no_pid_has_no_gains(ask):
     assert ask(content, {"gain": 1.0, "elements": twice})["pid"] is None
     filtered = [{"kind": "roll-off", "f": 50.0, "order": 1, "zeta": 0.7}]
     assert ask(content, {"gain": 2.0, "elements": filtered})["pid"]["rest"] == ["roll-off"]
+
+
+@pytest.mark.parametrize(
+    ("values", "low", "high", "peak"),
+    [
+        ([3, 1, 2, 4, 1, 9], 0, 9, 4),  # neither end is one
+        ([3, 1, 5, 1, 4, 1], 0, 9, 3),  # the larger of two
+        ([3, 1, 5, 1, 4, 1], 4, 9, 5),  # inside the band
+        ([1, 1.02, 1, 1.03, 1], 0, 9, 0),  # ripple
+        ([5, 4, 3, 2, 1], 0, 9, 0),
+        ([1, 2, 3, 4, 5], 0, 9, 0),
+    ],
+)
+def test_a_peak_stands_between_two_valleys(values, low, high, peak, ask):
+    found = ask.peak(values, low, high)
+    assert found["omega"] == peak
+    assert found["value"] == (values[peak - 1] if peak else 0)
 
 
 @pytest.mark.parametrize("seed", [1, 4, 9])

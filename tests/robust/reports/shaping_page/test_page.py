@@ -291,7 +291,9 @@ def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
     [crossover] = chromium.run("shaping.answer().models[0].crossovers")
     assert crossover / 2 / np.pi == pytest.approx(30.6, abs=1.0)
     assert chromium.run("document.querySelector('.shaping-card strong').textContent") == "holds on the grid"
-    assert chromium.run("document.querySelector('.shaping-margins').textContent").startswith("crossover 31.3 Hz · 50°")
+    assert chromium.run("document.querySelector('.shaping-margins').textContent").startswith(
+        "crossover 31.3 Hz · phase 50°"
+    )
     low, high = chromium.run("[shaping.loop.plot.scales.y.min, shaping.loop.plot.scales.y.max]")
     size = chromium.run(
         "(() => { const a = shaping.answer(), m = a.models[0]; return Array.from(m.lr,"
@@ -307,6 +309,107 @@ def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
     chromium.wait(WAIT)
     assert chromium.run("shaping.loop.plot.scales.y.min") < -100
     assert "|L| never crosses 1" in chromium.run("document.body.innerText")
+
+
+def handle_over_curve(page, k):
+    """How far a handle stands above or below the curve at its place, and from where it may be at most [px]."""
+    return page.run(
+        f"(() => {{ const box = document.querySelector('[data-handle=\"{k}\"]').getBoundingClientRect();"
+        " const o = shaping.loop.over.getBoundingClientRect(), x = box.x + box.width / 2 - o.x, a = shaping.answer();"
+        " const w = 2 * Math.PI * shaping.loop.plot.posToVal(x, 'x'), m = a.models[0];"
+        " const away = v => Math.abs(Math.log(v / w));"
+        " const i = a.omega.reduce((best, v, j) => away(v) < away(a.omega[best]) ? j : best, 0);"
+        " const y = shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[i], m.li[i])), 'y');"
+        " return box.y + box.height / 2 - o.y - Math.min(Math.max(y, 12), o.height - 12); })()"
+    )
+
+
+@pytest.mark.parametrize("gain", [1.0, 1e-4, 3e3, 1e-7])
+def test_handles_stay_on_the_curve_when_the_axis_rescales(page, gain):
+    """The plot takes a new scale only when it is drawn: handles that were placed before stood beside the curve."""
+    elements = [{"kind": "lead", "f": 2.0, "phase": 30.0}, {"kind": "integrator", "f": 0.3}]
+    page.run(f"shaping.set({json.dumps({'gain': gain, 'elements': elements})})")
+    state(page)
+    before = page.run("[shaping.loop.plot.scales.y.min, shaping.loop.plot.scales.y.max]")
+    for k in (-1, 0, 1):
+        assert abs(handle_over_curve(page, k)) < 3, k
+    page.run(f"shaping.set({json.dumps({'gain': 1e3 * gain, 'elements': elements})})")
+    state(page)
+    assert page.run("[shaping.loop.plot.scales.y.min, shaping.loop.plot.scales.y.max]") != before
+    for k in (-1, 0, 1):
+        assert abs(handle_over_curve(page, k)) < 3, k
+    screen(page, 800, 900)
+    page.wait(f"{WAIT}.then(() => {WAIT})")
+    for k in (-1, 0, 1):
+        assert abs(handle_over_curve(page, k)) < 3, k
+
+
+def test_the_numbers_of_the_verdict_explain_themselves(page):
+    shown = page.run(
+        "[...document.querySelector('.shaping-card').querySelectorAll('[title]')].map(e => [e.textContent, e.title])"
+    )
+    wanted = {
+        "max rs": "Below 1",
+        "max rp": "meets the demand",
+        "phase": "margin",
+        "gain": "factor",
+        "disk": "together",
+    }
+    for name, words in wanted.items():
+        assert [title for text, title in shown if text.startswith(name) and words in title], name
+    assert "rs" in page.run("document.querySelector('.shaping-robust figcaption').textContent")
+    assert "every plant of the set" in page.run("document.querySelector('.shaping-robust figcaption').title")
+
+
+def test_a_peak_where_nothing_is_drawn_has_a_word_for_its_place(chromium, tmp_path):
+    """With an integrator rs of a set of 55 % at low frequency is largest at zero frequency: no number says that."""
+    omega = 2 * np.pi * np.geomspace(2, 150, 120)
+    w = control.tf([0.55], [1 / 400, 1])
+    plant = control.tf([60.0**2], [1, 6, 60.0**2])
+    model = robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", model)
+    chromium.open(tmp_path / "shape.html")
+    chromium.wait(WAIT)
+    chromium.run("shaping.set({ gain: 0.002, elements: [{ kind: 'integrator', f: 30 }] })")
+    chromium.wait(WAIT)
+    f, low = chromium.run("[shaping.answer().models[0].maxRs.omega / 2 / Math.PI, shaping.band.low]")
+    assert f < low
+    fact = chromium.run("document.querySelector('.shaping-fact').textContent")
+    assert fact.startswith("max rs 0.5")
+    assert fact.endswith("below the band")
+
+
+def resonant(zeta=0.03):
+    """A mass on a light spring whose set is wide below its resonance at 58 Hz, as that of a machine with friction."""
+    omega_n, omega = 2 * np.pi * 58, 2 * np.pi * np.geomspace(2.25, 149, 120)
+    plant = control.tf([1.16e-5 * omega_n**2], [1, 2 * zeta * omega_n, omega_n**2])
+    w = control.tf([0.25 / omega_n, 0.54], [1 / omega_n, 1])
+    return robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+
+
+def test_a_new_notch_lands_on_the_peak_that_limits(chromium, tmp_path):
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", resonant(), K=1.0)
+    chromium.open(tmp_path / "shape.html")
+    chromium.run("shaping.set({ gain: 20000, elements: [{ kind: 'integrator', f: 9 }] })")
+    chromium.wait(WAIT)
+    rs = "Math.max(...shaping.answer().models[0].rs)"
+    before = chromium.run(rs)
+    peak = chromium.run("(() => { const m = shaping.answer().models[0]; return m.maxRs.omega / 2 / Math.PI; })()")
+    [_, notch] = add(chromium, "Notch")["elements"]
+    assert notch["f"] == pytest.approx(peak, rel=0.15)
+    assert notch["f"] == pytest.approx(58, rel=0.01)  # the resonance, which feedback shifts in rs
+    assert chromium.run(rs) < 0.7 * before
+
+
+@pytest.mark.parametrize("dt", [0.0, 1e-3])
+@pytest.mark.parametrize("bandwidth", [1.0, 3.3, 6.0, 60.0])
+def test_a_resonance_above_the_crossover_does_not_keep_the_page_from_a_robust_loop(bandwidth, dt):
+    """A roll-off brings the resonance down; corners stay below Nyquist at a high crossover."""
+    w_P, omega_c = robust.performance_weight(2 * np.pi * bandwidth, A=1e-2), 2 * np.pi * bandwidth
+    content = page_content(resonant(), w_P=w_P, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c)
+    report = robust.check(resonant(), shaped_controller(content["begin"], 1.0, dt), certify=False)
+    assert report.nominally_stable
+    assert np.max(report.curves.rs) < 1
 
 
 @pytest.mark.parametrize(
