@@ -349,19 +349,16 @@ function largest(omega, values) {
   return { value: values[k], omega: omega[k] };
 }
 
-/** The largest peak inside a band: higher by a tenth than the valleys on both sides of it; {value, omega}, zeros where none. */
-function largestPeak(omega, values, low, high) {
-  let best = { value: 0, omega: 0 }, valley = Infinity, top = null;
-  for (let i = 0; i < omega.length; i++) {
-    if (omega[i] < low || omega[i] > high) continue;
-    const value = values[i];
-    if (top && value * RISE < top.value) { // it fell from a top
-      if (top.value > best.value) best = top;
-      top = null; valley = value;
-    } else if (top ? value > top.value : value > RISE * valley) top = { value, omega: omega[i] };
-    if (!top) valley = Math.min(valley, value);
+/** Where a curve has a peak, higher by a tenth than the valleys on both sides of it. */
+function peaks(values) {
+  const found = [];
+  let valley = Infinity, top = -1; // the last one, and what may become a peak
+  for (let i = 0; i < values.length; i++) {
+    if (top < 0 ? values[i] > RISE * valley : values[i] > values[top]) top = i;
+    else if (top >= 0 && RISE * values[i] < values[top]) { found.push(top); top = -1; valley = values[i]; }
+    if (top < 0) valley = Math.min(valley, values[i]);
   }
-  return best;
+  return found;
 }
 
 /** Every crossover [rad/s], phase margin [rad] and gain margin [factor] of L. */

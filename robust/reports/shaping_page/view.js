@@ -10,7 +10,7 @@ const KINDS = {
   integrator: { title: "Integrator", sign: "∫", begin: f => ({ f: f / 10 }), help: "(s + ω)/s: error to zero", fields: {} },
   lead: { title: "Lead", sign: "φ", begin: f => ({ f, phase: 30 }), help: "phase at its frequency, gain one there",
     fields: { phase: { title: "phase", unit: "°", least: 1, most: 85, perPixel: 0.25, key: 1 } } },
-  notch: { title: "Notch", sign: "V", begin: (f, peak) => ({ f: peak || 3 * f, depth: 0.2, width: 0.5 }), help: "a dip over the resonance that limits rs",
+  notch: { title: "Notch", sign: "V", begin: (f, resonance) => ({ f: resonance || 3 * f, depth: 0.2, width: 0.5 }), help: "a dip over the resonance that limits rs",
     fields: { depth: { title: "depth", unit: "", least: 0.01, most: 10, ratio: 0.01, key: 0.06 },
       width: { title: "width", unit: "", least: 0.02, most: 3, ratio: 0.01, key: 0.06 } } },
   "roll-off": { title: "Roll-off", sign: "↘", begin: f => ({ f: 5 * f, order: 1, zeta: 0.7 }), help: "low-pass against noise",
@@ -123,17 +123,16 @@ function start(root, content, changed = () => {}, begin = null) {
 
   function add(name) {
     const f = answer && answer.models[0].crossovers.length ? answer.models[0].crossovers.at(-1) / TWO_PI : Math.sqrt(band.low * band.high);
-    set({ ...state, elements: [...state.elements, limited({ kind: name, ...KINDS[name].begin(clamp(f, band.low, band.high), answer && limitingPeak()) })] });
+    set({ ...state, elements: [...state.elements, limited({ kind: name, ...KINDS[name].begin(clamp(f, band.low, band.high), answer && limitingResonance()) })] });
     drawElements(); commit();
   }
 
-  /** The frequency [Hz] of the resonance that limits, 0 where none does: the peak of |L| within an octave of the largest
-   * peak of rs, of any model. Feedback moves the peak of rs: a notch there, beside the resonance, would turn its phase. */
-  function limitingPeak() {
-    const found = answer.models.map(m => ({ m, ...largestPeak(answer.omega, m.rs, TWO_PI * band.low, TWO_PI * band.highest) }));
-    const { m, omega } = found.reduce((one, other) => (other.value > one.value ? other : one));
-    const resonance = largestPeak(answer.omega, Float64Array.from(m.lr, (r, i) => Math.hypot(r, m.li[i])), omega / 2, omega * 2);
-    return (resonance.omega || omega) / TWO_PI;
+  /** The frequency [Hz] of the resonance that limits, 0 where there is none: the peak of |L| in the band with the largest
+   * rs, of any model. The peak of rs itself lies beside it, moved by feedback: a notch there would turn its phase. */
+  function limitingResonance() {
+    const found = answer.models.flatMap(m => peaks(Float64Array.from(m.lr, (r, i) => Math.hypot(r, m.li[i])))
+      .map(i => ({ f: answer.omega[i] / TWO_PI, rs: m.rs[i] })).filter(({ f }) => f >= band.low && f <= band.highest));
+    return found.reduce((one, other) => (other.rs > one.rs ? other : one), { f: 0, rs: 0 }).f;
   }
 
   function remove(k) { set({ ...state, elements: state.elements.filter((_, i) => i !== k) }); drawElements(); commit(); }

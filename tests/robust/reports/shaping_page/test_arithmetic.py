@@ -44,9 +44,7 @@ def ask(tmp_path_factory):
             given = ", ".join(json.dumps(part) for part in (content, state, list(omega), list(times)))
             return page.run(f"asked({given})")
 
-        asked.peak = lambda values, low, high: page.run(
-            f"largestPeak({list(range(1, len(values) + 1))}, {list(values)}, {low}, {high})"
-        )
+        asked.peaks = lambda values: page.run(f"peaks({list(values)})")
         yield asked
 
 
@@ -133,20 +131,19 @@ def test_a_shape_that_is_no_pid_has_no_gains(ask):
 
 
 @pytest.mark.parametrize(
-    ("values", "low", "high", "peak"),
+    ("values", "where"),
     [
-        ([3, 1, 2, 4, 1, 9], 0, 9, 4),  # neither end is one
-        ([3, 1, 5, 1, 4, 1], 0, 9, 3),  # the larger of two
-        ([3, 1, 5, 1, 4, 1], 4, 9, 5),  # inside the band
-        ([1, 1.02, 1, 1.03, 1], 0, 9, 0),  # ripple
-        ([5, 4, 3, 2, 1], 0, 9, 0),
-        ([1, 2, 3, 4, 5], 0, 9, 0),
+        ([3, 1, 2, 4, 1, 9], [3]),  # neither end is one
+        ([3, 1, 5, 1, 4, 1], [2, 4]),
+        ([1, 1.02, 1, 1.03, 1], []),  # ripple
+        ([1, 2, 1.95, 2.1, 2.05, 1], [3]),  # of ripple on a peak the highest
+        ([5, 4, 3, 2, 1], []),
+        ([1, 2, 3, 4, 5], []),
+        ([], []),
     ],
 )
-def test_a_peak_stands_between_two_valleys(values, low, high, peak, ask):
-    found = ask.peak(values, low, high)
-    assert found["omega"] == peak
-    assert found["value"] == (values[peak - 1] if peak else 0)
+def test_a_peak_stands_between_two_valleys(values, where, ask):
+    assert ask.peaks(values) == where
 
 
 @pytest.mark.parametrize("seed", [1, 4, 9])
