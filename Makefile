@@ -68,6 +68,7 @@ attack: $(TESTS)
 # warns is a failure.
 pages: $(DOCS)
 	MPLBACKEND=Agg $(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
+	@echo "wrote build/docs/index.html"
 
 docs: $(TESTS)
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --docs -n 2 --dist worksteal tests/project

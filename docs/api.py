@@ -106,7 +106,7 @@ def summary_table(full_names: list[str]) -> list[str]:
 
 def write_index(path: Path) -> None:
     """Write the index of the reference: what most scripts need, then every name by package."""
-    page = ["Reference", "=========", ""]
+    page = ["All functions and classes", "=========================", ""]
     page += ["Arrays and units are those of the :doc:`nomenclature </guide/nomenclature>`.", ""]
     page += ["What most scripts need", "----------------------", ""]
     page += summary_table([*FIRST])

@@ -25,7 +25,10 @@ EXAMPLES = ROOT / "examples"
 BUILD = ROOT / "build" / "examples"
 HERE = "generated/examples"  # among the pages
 PAGES = ROOT / "docs" / HERE
-#: Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else the first picture.
+THUMBNAIL = (520, 360)  # of a card [pixels]
+CARD_INCHES = tuple(pixels / 120 for pixels in THUMBNAIL)  # in which text of 10 points is a twentieth of the height
+CARD_LETTERS = 48  # of its title in a row
+#: Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else the first axes.
 CARDS = {
     "01_identify_then_design": (0, 0),
     "02_design_an_experiment": (0, 1),
@@ -111,9 +114,9 @@ def saved_pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[st
     name, shown = Path(block_vars["src_file"]).stem, block_vars.setdefault("shown", [])
     saved = sorted((BUILD / name).glob("*.png"), key=lambda path: path.stat().st_mtime_ns)
     new = [path for path in saved if path not in shown]
-    picture, axes = CARDS.get(name, (0, None))
+    picture, axes = CARDS.get(name, (0, 0))
     for path, number in zip(new, plt.get_fignums()[-len(new) :] if new else (), strict=False):
-        if len(shown) + new.index(path) == picture and axes is not None:
+        if len(shown) + new.index(path) == picture:
             save_axes(plt.figure(number), axes, BUILD / f"{name}.card.png")
     shown += new
     targets = [next(block_vars["image_path_iterator"]) for _ in new]
@@ -123,11 +126,18 @@ def saved_pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[st
 
 
 def save_axes(figure: Any, which: int, path: Path) -> None:
-    """Save one axes of a figure."""
-    figure.set_layout_engine("none")  # it is laid out
+    """Save one axes of a figure without its legend, in the size of a card: letters keep theirs, and can be read."""
+    figure.set_layout_engine("none")
+    figure.set_size_inches(*CARD_INCHES)
     ax = figure.axes[min(which, len(figure.axes) - 1)]
-    box = ax.get_tightbbox(figure.canvas.get_renderer()).transformed(figure.dpi_scale_trans.inverted())
-    figure.savefig(path, dpi=110, bbox_inches=box.padded(0.05))
+    for other in (*figure.axes, *figure.texts, *figure.legends):
+        other.set_visible(other is ax)
+    if ax.get_legend() is not None:
+        ax.get_legend().remove()
+    ax.set_position((0.18, 0.19, 0.78, 0.66))
+    ax.set_title(textwrap.fill(ax.get_title(), CARD_LETTERS), fontsize="medium")
+    ax.tick_params(which="both", labelbottom=True, labelleft=True)
+    figure.savefig(path, dpi=THUMBNAIL[0] / CARD_INCHES[0])
 
 
 def settings() -> dict[str, Any]:
@@ -144,7 +154,7 @@ def settings() -> dict[str, Any]:
         "reset_argv": "docs.gallery.script_arguments",
         "reset_modules": (),
         "show_signature": False,
-        "thumbnail_size": (520, 360),
+        "thumbnail_size": THUMBNAIL,
         "first_notebook_cell": "# The options of the script keep their defaults here.\nimport sys\n\nsys.argv[1:] = []",
     }
 
