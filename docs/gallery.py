@@ -135,7 +135,8 @@ def save_axes(figure: Any, which: int, path: Path) -> None:
     if ax.get_legend() is not None:
         ax.get_legend().remove()
     ax.set_position((0.18, 0.19, 0.78, 0.66))
-    ax.set_title(textwrap.fill(ax.get_title(), CARD_LETTERS), fontsize="medium")
+    title = textwrap.fill(ax.get_title(), CARD_LETTERS, max_lines=2, placeholder=" ...")
+    ax.set_title(title, fontsize="medium")
     ax.tick_params(which="both", labelbottom=True, labelleft=True)
     figure.savefig(path, dpi=THUMBNAIL[0] / CARD_INCHES[0])
 

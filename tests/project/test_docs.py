@@ -106,7 +106,7 @@ def test_the_letters_of_a_card_can_be_read(tmp_path):
         ax.set(
             xlabel="frequency [Hz]",
             ylabel="magnitude [dB, m/N]",
-            title="A title that is longer than a card is wide, by far",
+            title="A title that is longer than a card is wide, by far, " + "and longer than two rows of it" * 2,
         )
         ax.legend()
     figure.suptitle("of all")
