@@ -3,7 +3,7 @@
 classes    classes of friction laws, without their parameters
 exact      verification of friction proofs in exact arithmetic
 nominal    machines of a nominal model, damped and undamped
-passivity  every passive friction: what damping a loop leaves at its port
+passivity  every passive friction: the damping that a loop leaves at its friction port
 plant      a machine with friction and its sampled loop; bounded motion
 proof      proofs that a loop comes to rest, for every friction of a class
 reading    machine and friction, read from what was measured

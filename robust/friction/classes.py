@@ -1,6 +1,6 @@
-"""Classes of friction: infinitely many laws, said without their parameters.
+"""Sets of friction laws, described by bounds instead of parameters.
 
-Friction is the force without its viscous part, which belongs to the machine.
+Friction is the force without its viscous part. The viscous part belongs to the machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robust.friction.units import MechanicalUnits, format_plain, mechanical_unit
 
 @value
 class AnyFriction:
-    """A class of friction laws.
+    """A class of friction laws: all laws within its limits.
 
     Fields
     ------
@@ -25,15 +25,16 @@ class AnyFriction:
     K0 : float
         Largest presliding stiffness [N/m].
     stiction : float
-        Largest force a slider holds over the least it slips at; of bristles: largest creep over velocity.
+        Largest force that a slider holds over the smallest at which it slips. For bristles: largest creep over
+        velocity.
     bristle_time : float
-        Largest damping over stiffness of an element [s]; of bounded friction, of its bristles.
+        Largest damping over stiffness of an element [s]. For bounded friction: of its bristles.
     microdamping : float
-        Damping of the bending of bristles [Ns/m]; zero of every other class.
+        Damping of a bristle while it bends, sigma1 [Ns/m]. Zero for every other class.
     Fs : float
-        Largest force [N]. It and those above nan where the class does not ask for them.
+        Largest force [N]. A limit that the class does not have is nan, here and above.
     position_unit : str
-        "m", or "rad" where the machine turns: forces are then in Nm, and N/m reads Nm/rad.
+        "m", or "rad" for a machine that turns: forces are then in Nm, and N/m stands for Nm/rad.
     """
 
     kind: str
@@ -49,36 +50,36 @@ class AnyFriction:
 
     @property
     def units(self) -> MechanicalUnits:
-        """Units of its numbers."""
+        """Units of position, force, stiffness and damping."""
         return mechanical_units(self.position_unit)
 
     @property
     def description(self) -> str:
-        """Which laws these are."""
+        """Noun phrase for the laws of the class, for texts."""
         if self.kind == "Maxwell slip":
             return _describe_maxwell_slip((self,), ("",))
         if self.kind == "bristle":
             return (
-                f"friction of bristles up to {self.K0 / 1e3:.4g} {self.units.stiffness} stiff, with a damping of "
-                f"{self.microdamping:g} {self.units.damping} as they bend, that creep against their force (at most "
+                f"bristle friction with a stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness} and a damping of "
+                f"{self.microdamping:g} {self.units.damping}, whose bristles creep against their force (at most "
                 f"{self.stiction:.4g} times as fast as the machine moves)"
             )
         if self.kind == "bounded":
-            damped = f" on bristles damped by up to {1e3 * self.bristle_time:.3g} ms of their stiffness"
+            damped = f" on bristles with a damping of up to {1e3 * self.bristle_time:.3g} ms times their stiffness"
             return f"friction of at most {self.Fs:g} {self.units.force}" + damped * (self.bristle_time > 0)
         return "passive friction"
 
 
 @value
 class FrictionAtPorts:
-    """Maxwell-slip friction at several places of a machine, a class each; what `prove_friction` makes of a tuple.
+    """Maxwell-slip friction at several places of a machine, one class each. `prove_friction` makes it of a tuple.
 
     Fields
     ------
     ports : tuple of AnyFriction
         The class at each port.
     names : tuple of str
-        Where each acts, for people.
+        Place of each port, for texts.
     """
 
     ports: tuple[AnyFriction, ...]
@@ -87,9 +88,9 @@ class FrictionAtPorts:
     def __post_init__(self) -> None:
         kinds = sorted({port.kind for port in self.ports})
         if kinds != ["Maxwell slip"]:
-            raise ValueError(f"friction at several ports must be of any_maxwell_slip at each, got {', '.join(kinds)}")
+            raise ValueError(f"friction at several ports must be any_maxwell_slip at each, got {', '.join(kinds)}")
         if len({port.position_unit for port in self.ports}) > 1:
-            raise ValueError("friction must be in one position unit at all ports, got m and rad")
+            raise ValueError("friction must have one position unit at all ports, got m and rad")
 
     @property
     def kind(self) -> str:
@@ -103,7 +104,7 @@ class FrictionAtPorts:
 
     @property
     def units(self) -> MechanicalUnits:
-        """Units of its numbers."""
+        """Units of position, force, stiffness and damping."""
         return self.ports[0].units
 
     @property
@@ -123,17 +124,17 @@ class FrictionAtPorts:
 
     @property
     def microdamping(self) -> float:
-        """Microdamping of a sticking element: none."""
+        """Damping of a sticking element without its spring [Ns/m]: zero for Maxwell slip."""
         return 0.0
 
     @property
     def description(self) -> str:
-        """Which laws these are."""
+        """Noun phrase for the laws of the class, for texts."""
         return _describe_maxwell_slip(self.ports, [f" at {name}" for name in self.names])
 
 
 def _describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) -> str:
-    """Describe Maxwell slip at each port; places : where it acts, in words that follow a number."""
+    """Describe Maxwell slip at each port; `places` are phrases that follow a number, such as " at the motor"."""
     units, bristle_time = ports[0].units, max(port.bristle_time for port in ports)
     at = list(zip(ports, places, strict=True))
     stiffest = " and ".join(f"{format_plain(port.K0 / 1e3)} {units.stiffness}{place}" for port, place in at)
@@ -141,8 +142,8 @@ def _describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) 
     ratios = [f"{port.stiction:.4g} times{'' if one_ratio else place}" for port, place in at]
     damped = f" and damping up to {1e3 * bristle_time:g} ms of it" if bristle_time else ""
     return (
-        f"Maxwell-slip friction of presliding stiffness up to {stiffest}{damped}, each of whose sliders never holds "
-        f"more than {' and '.join(ratios[:1] if one_ratio else ratios)} the least force it slips at (anywhere, in any "
+        f"Maxwell-slip friction with a presliding stiffness of up to {stiffest}{damped}, each of whose sliders holds "
+        f"at most {' and '.join(ratios[:1] if one_ratio else ratios)} its smallest slip force (anywhere, in any "
         "direction, at any speed or time)"
     )
 
@@ -150,22 +151,25 @@ def _describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) 
 def any_maxwell_slip(
     K0: float, stiction: float = 1.5, bristle_time: float = 0.0, *, position_unit: str = "m"
 ) -> AnyFriction:
-    """Every friction made of elements, each a spring in series with a slider.
+    """Return the class of every friction made of elements, each a spring in series with a slider.
 
-    f = sum f_i over any number of elements, each a spring k_i (a damper k_i tau_i across it) in series with a slider
-    that holds |f_i| <= W_i and slips at no less than W_i/stiction; sum k_i <= K0. In it: Maxwell slip and
-    Prandtl-Ishlinskii of any curve, Stribeck friction, stiction that grows with rest, sliders that depend on position,
-    load, direction or time. Not in it: LuGre, Dahl and Leuven (they creep below break-away), the generalised
-    Maxwell-slip model with a finite attraction, rigid stiction.
+    f = sum f_i over any number of elements. Each element is a spring k_i, with a damper k_i tau_i across it, in series
+    with a slider that holds |f_i| <= W_i and slips at no less than W_i/stiction; sum k_i <= K0.
+
+    Use this class for friction that sticks fully below break-away. It contains Maxwell slip and Prandtl-Ishlinskii of
+    any curve, Stribeck friction, stiction that grows with rest, and sliders that depend on position, load, direction or
+    time. It does not contain LuGre, Dahl and Leuven (they creep below break-away), the generalised Maxwell-slip model
+    with a finite attraction, or rigid stiction.
 
     Parameters
     ----------
     K0 : float
-        Presliding stiffness of all elements together, at most [N/m].
+        Largest presliding stiffness of all elements together [N/m].
     stiction : float
-        Largest force of a slider over the least it slips at; at least 1. No frequency response shows it: an assumption.
+        Largest force of a slider over the smallest at which it slips; at least 1. No frequency response shows it: it is
+        an assumption.
     bristle_time : float
-        Damping over stiffness of an element [s], at most.
+        Largest damping over stiffness of an element [s].
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -176,7 +180,7 @@ def any_maxwell_slip(
     Raises
     ------
     ValueError
-        A stiffness that is not positive, stiction below one, a negative time.
+        A stiffness that is not positive, a stiction below one, or a negative time.
 
     References
     ----------
@@ -199,20 +203,22 @@ def any_maxwell_slip(
 def any_bristle(
     K0: float, stiction: float = 1.5, microdamping: float = 0.0, *, position_unit: str = "m"
 ) -> AnyFriction:
-    """Every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
+    """Return the class of every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
 
-    z' = v - p with F p >= 0 and |p| <= stiction |v|; F a Masing hysteresis of z no stiffer than K0. In it: LuGre
-    (K0 = sigma0, stiction = Fs/Fc, microdamping = sigma1), the modified Leuven model (the slope of its curve at zero,
-    (Fs/Fc)^n, sigma1), Dahl's with n = 1 (stiction 1).
+    z' = v - p with F p >= 0 and |p| <= stiction |v|; F is a Masing hysteresis of z with a slope of at most K0.
+
+    Use this class for friction that creeps below break-away. It contains LuGre (K0 = sigma0, stiction = Fs/Fc,
+    microdamping = sigma1), the modified Leuven model (the slope of its curve at zero, (Fs/Fc)^n, sigma1), and Dahl's
+    model with n = 1 (stiction 1).
 
     Parameters
     ----------
     K0 : float
-        Stiffness of the bristles, at most [N/m].
+        Largest stiffness of the bristles [N/m].
     stiction : float
-        Largest slip over velocity; at least 1.
+        Largest slip velocity over velocity of the machine; at least 1.
     microdamping : float
-        sigma1 [Ns/m], exactly.
+        sigma1 [Ns/m]. The class has exactly this damping.
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -223,7 +229,7 @@ def any_bristle(
     Raises
     ------
     ValueError
-        A stiffness that is not positive, stiction below one, a negative damping.
+        A stiffness that is not positive, a stiction below one, or a negative damping.
 
     References
     ----------
@@ -244,17 +250,19 @@ def any_bristle(
 
 
 def any_bounded(Fs: float, bristle_time: float = 0.0, *, position_unit: str = "m") -> AnyFriction:
-    """Every friction that is never larger than a force, whatever it depends on, on bristles with damping if any.
+    """Return the class of every friction up to a largest force, whatever it depends on, with or without bristles.
 
-    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. In it: LuGre (s = sigma0 z, tau =
-    sigma1/sigma0), Dahl, Maxwell slip of any kind, rigid stiction.
+    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. It contains LuGre (s = sigma0 z, tau =
+    sigma1/sigma0), Dahl, Maxwell slip of any kind, and rigid stiction.
+
+    Use this class if only the largest force is known. It gives a distance from rest, but no proof of rest.
 
     Parameters
     ----------
     Fs : float
-        Largest force [N], the viscous part left out.
+        Largest force without the viscous part [N].
     bristle_time : float
-        Damping over stiffness of the bristles [s], at most.
+        Largest damping over stiffness of the bristles [s].
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -265,7 +273,7 @@ def any_bounded(Fs: float, bristle_time: float = 0.0, *, position_unit: str = "m
     Raises
     ------
     ValueError
-        A force that is not positive, a negative time.
+        A force that is not positive, or a negative time.
 
     References
     ----------
@@ -285,9 +293,9 @@ def any_bounded(Fs: float, bristle_time: float = 0.0, *, position_unit: str = "m
 
 
 def any_passive(*, position_unit: str = "m") -> AnyFriction:
-    """Every friction that never gives back more energy than it was given: int f v dt >= -E0.
+    """Return the class of every friction that never returns more energy than it received: int f v dt >= -E0.
 
-    Not all friction is: LuGre is passive only where sigma2 >= sigma1 (Fs - Fc)/Fc.
+    Not all friction is passive: LuGre is passive only if sigma2 >= sigma1 (Fs - Fc)/Fc.
 
     Parameters
     ----------
@@ -316,7 +324,6 @@ def any_passive(*, position_unit: str = "m") -> AnyFriction:
 
 
 def _require_ratio(stiction: float) -> float:
-    """Return a ratio of at least one, or refuse it."""
     stiction = require_real("stiction", stiction)
     if stiction < 1:
         raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")

@@ -1,7 +1,7 @@
 """Machines of a nominal model of an axis, damped and undamped.
 
-The damping of such a fit contains that of the friction at this level. A proof must not lean on it: the same model with
-its poles and zeros turned onto the imaginary axis is a machine of its own.
+The damping of such a fit contains that of the friction at its level. A proof must not rely on it. So the same model
+with its poles and zeros moved onto the imaginary axis is a second machine.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from robust.lti.lti import poles, response, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
 
-#: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
+#: A pair of roots closer to the real axis than this, relative to the largest root, does not oscillate.
 _OSCILLATORY_TOLERANCE = 1e-9
 
 
 def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str]:
-    """(machines, description): the nominal as a machine without and with its damping, each with its delay.
+    """Return (machines, description): the nominal as a machine without and with its damping, each with its delay.
 
     `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `friction_plant`
-    with a friction port of its own, which is taken as it is.
+    with one friction port, which is used as it is.
     """
     G = getattr(nominal, "G", nominal)
     if isinstance(G, FrictionPlant):
         require_one_port(G)
-        return (G,), f"the machine that was given ({G.description})"
+        return (G,), f"the given machine ({G.description})"
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))
     description = f"a nominal of order {G.nstates}, {_describe_modal_damping(G)}"
@@ -39,9 +39,9 @@ def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str
 
 
 def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:  # a fit comes from above this package
-    """(W,) standard deviation of a fitted nominal at frequencies, relative to its response; zero of one that was given.
+    """Return (W,) the standard deviation of a fitted nominal relative to its response; zero for a model that was given.
 
-    The lines scatter, and a fit of p real parameters to n lines takes p/(2 n) of their variance on, on average.
+    The lines scatter, and a fit of p real parameters to n lines inherits p/(2 n) of their variance on average.
     """
     if np.isnan(getattr(nominal, "std", np.nan)).any():
         return np.zeros(omega.size)
@@ -52,7 +52,7 @@ def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:  # a fit co
 
 
 def undamped(G: control.StateSpace) -> FrictionPlant:
-    """Return the machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
+    """Return the machine without damping: each s^2 + d s + k of its poles and zeros loses its d, the mass is kept.
 
     >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
     >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)
@@ -72,12 +72,10 @@ def undamped(G: control.StateSpace) -> FrictionPlant:
 
 
 def _undamped_roots(roots: np.ndarray) -> np.ndarray:
-    """Return the roots without damping: pairs that oscillate on the imaginary axis, real roots in pairs.
+    """Return the roots without damping, small to large: oscillatory pairs on the imaginary axis, real roots in pairs.
 
-    Small to large.
-
-    Two real roots are a mode with so much damping that it does not swing, as a free mass whose friction slides. An odd
-    one is left as it is: that of an amplifier.
+    Two real roots are a mode with so much damping that it does not oscillate, such as a free mass whose friction
+    slides. An odd real root stays as it is: it is that of an amplifier.
     """
     swings = np.abs(roots.imag) > _OSCILLATORY_TOLERANCE * np.abs(roots).max(initial=0.0)
     real = np.sort(roots[~swings].real)[::-1]
@@ -88,11 +86,11 @@ def _undamped_roots(roots: np.ndarray) -> np.ndarray:
 
 
 def _describe_modal_damping(G: control.StateSpace) -> str:
-    """Describe the damping of the modes; it contains that of the friction at the level of the fit."""
+    """Describe the damping of the modes, which contains that of the friction at the level of the fit."""
     found = poles(G)
     found = found[found.imag > _OSCILLATORY_TOLERANCE * np.abs(found).max()]
     if not found.size:
-        return "no mode that swings"
+        return "no mode that oscillates"
     modes = sorted(found, key=abs)
     text = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {format_hertz(abs(p))}" for p in modes)
     return f"modal damping {text}, which contains the friction's"

@@ -1,8 +1,8 @@
-"""Every passive friction at once: what damping a loop leaves at the friction port, over all frequencies.
+"""Every passive friction at once: the damping that a loop leaves at the friction port, over all frequencies.
 
-A quotient of polynomials in y = x^2, with x = omega in a continuous loop and tan(omega T/2) in a sampled one, from the
-numbers as they are given. Where it is least is looked for at its stationary points; that it is positive is proved over
-the rationals, so that no resonance is too sharp to be seen.
+The damping is a quotient of polynomials in y = x^2, with x = omega in a continuous loop and tan(omega T/2) in a sampled
+one, computed from the numbers as given. Its smallest value is searched at its stationary points. Its positivity is
+proved over the rationals, so no resonance is too narrow to be found.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from robust.proofs.exact.stability import decide_loop_stability, squared_magnitu
 if TYPE_CHECKING:
     import control
 
-#: What is said to be left, below the least that was found: of the size of the damping.
+#: Distance of the claimed damping below the smallest value found, relative to the damping.
 _MIN_DAMPING_SHARE = 1e-6
-#: Damping this small against that at high frequencies is none.
+#: Damping this small, relative to that at high frequencies, is zero.
 _ROUNDING = 1e-9
-#: More than this times the damping is missing without bound, as with integral action.
+#: Missing damping above this multiple of the damping is unbounded, as with integral action.
 _INFINITE_DAMPING = 1e12
 _MAX_STATES = 40
 
 
 @value
 class _Damping:
-    """What is left of it [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is that at infinity."""
+    """Remaining damping [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is its limit."""
 
     top: Polynomial
     bottom: Polynomial
@@ -51,28 +51,28 @@ class _Damping:
 
     @property
     def end(self) -> float:
-        """At the far end of the axis."""
+        """Limit for y to infinity."""
         return _quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
-        """At one place of the axis."""
+        """Return the damping at one y."""
         return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 
 def passive_verdict(
     machine: FrictionPlant, K: control.StateSpace, *, delay: float, loop: FrictionLoop
 ) -> tuple[FrictionVerdict, str]:
-    """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
+    """Return verdict and reason: "proved" if the loop is stable and leaves damping at the port at every frequency."""
     if loop.F.shape[0] > _MAX_STATES:
         return (
             FrictionVerdict.NOT_DECIDED,
-            f"the loop has {loop.F.shape[0]} states, and at most {_MAX_STATES} are decided exactly",
+            f"the loop has {loop.F.shape[0]} states; the exact decision takes at most {_MAX_STATES}",
         )
     matrices = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
     if not decide_loop_stability(matrices, to_matrices(K), delay=delay).holds:
         return (
             FrictionVerdict.NOT_DECIDED,
-            "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
+            "the sliding loop, with all states of its controller, is not strictly stable: a state may drift at rest",
         )
     if loop.T:
         why = _not_single_mass(machine, delay / loop.T)
@@ -86,24 +86,24 @@ def passive_verdict(
 
 
 def _not_single_mass(machine: FrictionPlant, samples: float) -> str:
-    """Return why the criterion of Colgate and Schenkel does not apply to this loop; empty where it does."""
+    """Return the reason why the criterion of Colgate and Schenkel does not apply to this loop; empty if it does."""
     collocated = np.array_equal(machine.B_force, machine.B_port)
     collocated &= np.array_equal(machine.C_measured, machine.C_port)
     if not collocated or machine.A.shape[0] != 2 or not _mass_and_damping(machine)[1] > 0:
-        return "a sampled loop is decided for one mass with force, friction and sensor at one place only"
+        return "a sampled loop is decided only for one mass with force, friction and sensor at one place"
     if np.abs(samples - np.round(samples)) > 1e-9:
-        return "a delay of part of a sample is not in the criterion"
+        return "the criterion takes a delay of whole samples only"
     return ""
 
 
 def _mass_and_damping(machine: FrictionPlant) -> tuple[float, float]:
-    """Return damping [Ns/m] and 1/mass [1/kg] of a machine of two states, in whatever coordinates."""
+    """Return damping [Ns/m] and 1/mass [1/kg] of a machine with two states, in any coordinates."""
     mobility = float(machine.velocity @ machine.B_port)
     return float(-np.trace(machine.A) / mobility) if mobility else np.nan, mobility
 
 
 def _even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """Return (even, odd) of num den* = even(x^2) + j x odd(x^2) on s = j x."""
+    """Return (even, odd) with num den* = even(x^2) + j x odd(x^2) on s = j x."""
     kind = type(num)
     both = (num * kind([c if k % 2 == 0 else -c for k, c in enumerate(den.coeffs())])).coeffs()
 
@@ -114,18 +114,18 @@ def _even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Po
 
 
 def _continuous_damping(loop: FrictionLoop) -> _Damping:
-    """Real part of the impedance 1/(s X) at the port, X = num/den from a force to the displacement there."""
+    """Return the real part of the impedance 1/(s X) at the port, with X = num/den from force to displacement there."""
     n = loop.F.shape[0]
     X = transfer_quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
-    num = type(X.num)(X.num.coeffs()[: n - 1])  # a force does not move what has mass at once: what is left is rounding
+    num = type(X.num)(X.num.coeffs()[: n - 1])  # a mass does not move at once under a force: the rest is rounding
     _, odd = _even_and_odd_part(num, X.den)
     return _Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
 
 
 def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
-    """c less (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997), a delay in K.
+    """Return c minus (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997), the delay in K.
 
-    With x = tan(wT/2) what is needed is (T/2)(Re K - Im K/x).
+    With x = tan(wT/2) the damping needed is (T/2)(Re K - Im K/x).
     """
     T = timebase(K)
     late = bilinear_image(delay_by_samples(transfer_quotient(to_matrices(K)), round(delay / T)))
@@ -137,7 +137,7 @@ def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
 
 
 def _decide_damping(left: _Damping, c: float, T: float, *, unit: str) -> tuple[FrictionVerdict, str]:
-    """Return the verdict on the damping that remains: positive at every frequency, proved over the rationals."""
+    """Return the verdict on the remaining damping: positive at every frequency, proved over the rationals."""
     y, least = _least_damping(left)
     where = _frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
@@ -154,7 +154,8 @@ def _decide_damping(left: _Damping, c: float, T: float, *, unit: str) -> tuple[F
     if not (found.holds and rest[left.degree] > 0):
         return (
             FrictionVerdict.NOT_DECIDED,
-            f"not shown that damping is left at every frequency: {found.reason or 'not at the end'}",
+            "damping at every frequency is not proved: "
+            f"{found.reason or 'the limit at high frequencies is not positive'}",
         )
     needed = f"c = {c:.4g} {unit}, and at most {c - claimed:.4g} {unit} are needed"
     words = needed if T else f"at least {claimed:.4g} {unit} of damping is left at the friction port"
@@ -162,7 +163,7 @@ def _decide_damping(left: _Damping, c: float, T: float, *, unit: str) -> tuple[F
 
 
 def _least_damping(left: _Damping) -> tuple[float, float]:
-    """Return the least damping and its frequency approximately, for the report; the proof does not use it."""
+    """Return the smallest damping and its y approximately, for the report; the proof does not use it."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
     roots = complex_roots(slope) if slope.degree() > 0 else []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]
@@ -172,7 +173,7 @@ def _least_damping(left: _Damping) -> tuple[float, float]:
 
 
 def _quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
-    """Return a quotient of rationals as a double; minus infinity for a zero denominator."""
+    """Return a quotient of rationals as a double; plus or minus infinity for a zero denominator."""
     if bottom == 0:
         return np.inf if top > 0 else -np.inf
     found = top / bottom
@@ -183,6 +184,6 @@ def _quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
 
 
 def _frequency_of(y: float, T: float) -> str:
-    """Return the frequency [rad/s] of a point on the axis, for the report."""
+    """Describe the frequency of a point y on the axis, for the report."""
     omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
     return f"at {format_hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"

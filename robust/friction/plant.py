@@ -1,4 +1,4 @@
-"""The linear part of a machine with friction: how it moves while it slides without any."""
+"""The linear plant of a machine with friction: its motion while it slides without friction."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
 
-#: A gain is zero when it is this small against what the matrices could make of it.
+#: A gain this small, relative to the norms of its factors, is zero.
 ROUNDING = 1e-9
 
 
 @value
 class FrictionPlant:
-    """A machine without its friction: p' = A p + B_force u - B_port f, with f the friction at its port.
+    """A machine without its friction: p' = A p + B_force u - B_port f, with friction f at its port.
 
     Fields
     ------
     A : (n, n) ndarray
         Dynamics.
     B_force : (n,) ndarray
-        How the force of the actuator enters.
+        Column through which the force of the actuator enters.
     B_port : (n,) or (n, P) ndarray
-        How a force at the friction port enters [N]; with friction at several places a column each.
+        Column through which a force at the friction port enters [N]; one column for each of several ports.
     C_measured : (n,) ndarray
-        The measured position.
+        Row that gives the measured position.
     C_port : (n,) or (P, n) ndarray
-        The displacement at the friction port [m]; with several a row each.
+        Row that gives the displacement at the friction port [m]; one row for each of several ports.
     description : str
-        What it is, for people.
+        Text for people.
     delay : float
-        From the command to the force, or from the position to its sample [s]; every loop around it has it.
+        Delay from the command to the force, or from the position to its sample [s]. Every loop with this plant has it.
     position_unit : str
-        "m", or "rad" where the machine turns, with Nm for N.
+        "m", or "rad" for a machine that turns, with Nm for N.
     port_names : tuple of str
-        Where the friction of each of several ports acts, for people; empty: port 1, port 2, ...
+        Place of each friction port, for texts. If it is empty, the names are port 1, port 2, ...
     """
 
     A: np.ndarray
@@ -67,17 +67,17 @@ class FrictionPlant:
 
     @property
     def units(self) -> MechanicalUnits:
-        """Units of position, velocity and force."""
+        """Units of position, velocity, force, stiffness and damping."""
         return mechanical_units(self.position_unit)
 
     @property
     def velocity(self) -> np.ndarray:
-        """(n,) or (P, n) the velocity at the friction port: x' = velocity @ p, whatever the forces."""
+        """(n,) or (P, n) row of the velocity at the friction port: x' = velocity @ p for any forces."""
         return self.C_port @ self.A
 
     @property
     def resonance(self) -> float:
-        """The mode that swings and moves the friction port most [rad/s]; zero where none swings, as of a free mass.
+        """Frequency of the oscillatory mode that moves the friction port most [rad/s]; zero if no mode oscillates.
 
         >>> friction_plant(12.0, 0.0, 20.0).resonance, round(friction_plant(1.0, 100.0, 2.0).resonance, 9)
         (0.0, 10.0)
@@ -88,8 +88,8 @@ class FrictionPlant:
         except np.linalg.LinAlgError:
             return 0.0
         residues = np.abs(np.atleast_2d(self.velocity) @ modes).max(axis=0) * np.abs(enters).max(axis=1)
-        # the pole -c/m of a free mass with viscous friction is no resonance: with filters placed by it, loops that are
-        # proved without that friction were not
+        # the pole -c/m of a free mass with viscous friction is no resonance: with filters placed by it, loops were not
+        # proved that are proved without that friction
         size = np.where(np.abs(poles.imag) > ROUNDING * np.abs(poles).max(initial=0), residues, 0)
         return float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
 
@@ -102,23 +102,25 @@ def friction_plant(
     port: bool | None = None,
     position_unit: str = "m",
 ) -> FrictionPlant:
-    """Return the machine without its friction, from mass, stiffness and damping or from a model.
+    """Return a machine without its friction, from mass, stiffness and damping or from a model.
+
+    Use this before `prove_friction`, for a machine with friction at one place. `two_mass_plant` has two places.
 
     Parameters
     ----------
     mass : float or control.StateSpace
-        [kg]; or a continuous model from force [N] to position [m] with the friction where the force acts; or, with
-        `port`, one with several inputs and outputs. A Padé approximation in the former is taken as the delay that it
-        stands for, exactly: its zeros in the right half-plane are those of no machine, and no proof is found for them.
+        Mass [kg]; or a continuous model from force [N] to position [m], with the friction where the force acts; or,
+        with `port`, a model with several inputs and outputs. A Padé approximation in a model without `port` is replaced
+        by the exact delay: no machine has its zeros in the right half-plane, and no proof is found for them.
     stiffness : float, optional
-        Spring to ground [N/m], zero for a free mass; not given with a model.
+        Stiffness of the spring to ground [N/m]; zero for a free mass. Not given with a model.
     damping : float
         Viscous damping [Ns/m].
     port : bool, optional
-        True where the friction acts elsewhere than the force, or at several places: the model then has the inputs
+        True if the friction acts elsewhere than the force, or at several places. The model then has the inputs
         (force, force at each friction port) and the outputs (measured position, displacement at each friction port).
     position_unit : str
-        "m", or "rad" where the machine turns: then kg m^2, Nm/rad, Nm s/rad.
+        "m", or "rad" for a machine that turns, with kg m^2, Nm/rad and Nm s/rad.
 
     Returns
     -------
@@ -128,8 +130,8 @@ def friction_plant(
     ------
     ValueError
         A model that is sampled, not strictly proper, or without a velocity at its friction port (a fit needs at least
-        two poles more than zeros); one that a force accelerates backwards, whose friction would push; a mass that is
-        not positive.
+        two poles more than zeros); a model that a force accelerates backwards, so that its friction would push; a mass
+        that is not positive.
 
     References
     ----------
@@ -180,32 +182,32 @@ def two_mass_plant(
     encoder: str = "motor",
     position_unit: str = "m",
 ) -> FrictionPlant:
-    """Return motor and load behind a belt, a screw or a gear, with a friction port at either.
+    """Return a motor and a load behind a belt, a screw or a gear, with a friction port at each.
 
     Parameters
     ----------
     motor, load : float
         Masses in the coordinate of the load [kg], or inertias [kg m^2].
     stiffness, damping : float
-        Between them [N/m], [Ns/m], or [Nm/rad], [Nm s/rad].
+        Stiffness and damping between motor and load, [N/m] and [Ns/m], or [Nm/rad] and [Nm s/rad].
     motor_damping, load_damping : float
-        Viscous friction to ground at either [Ns/m].
+        Viscous friction to ground at motor and load [Ns/m].
     spring : float
-        From the motor to ground [N/m]; zero for a free axis.
+        Stiffness from the motor to ground [N/m]; zero for a free axis.
     encoder : str
-        "motor" or "load": which position the drive controls.
+        "motor" or "load": the position that the drive controls.
     position_unit : str
-        "m", or "rad" where the machine turns.
+        "m", or "rad" for a machine that turns.
 
     Returns
     -------
     FrictionPlant
-        Two friction ports, named the motor and the load, in this order.
+        With two friction ports: first the motor, then the load.
 
     Raises
     ------
     ValueError
-        A mass or a stiffness that is not positive, another encoder.
+        A mass or a stiffness that is not positive, or another encoder.
 
     References
     ----------
@@ -253,7 +255,7 @@ def two_mass_plant(
 
 
 def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
-    """Return a state space with one force and one position, or with those of its friction port beside them."""
+    """Return the plant of a model from force to position, or from and to the friction ports too if `port` is true."""
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
     wanted = max(2, G.ninputs) if port else 1
@@ -286,7 +288,7 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
         raise ValueError(
             f"mass must be a model that a force accelerates in its own direction at the friction port, got "
             f"{push.min():.3g} {units.velocity} per second and {units.force}: its friction would push. "
-            "Give the model, and K with it, the other sign: force and position are counted in one direction"
+            "Change the sign of the model, and of K with it: force and position are counted in one direction"
         )
     several = wanted > 2
     description = f"model of order {G.nstates}"
@@ -305,20 +307,19 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
 
 
 def require_one_port(machine: FrictionPlant) -> None:
-    """Refuse friction at several ports where one is meant."""
     if machine.n_ports > 1:
         raise ValueError(
-            f"machine must have one friction port, got {machine.n_ports}: friction at several is for prove_friction"
+            f"machine must have one friction port, got {machine.n_ports}: only prove_friction takes several"
         )
 
 
 def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant, float]:
-    """Return the machine without its delay, and the delay of the whole loop [s]."""
+    """Return the machine without its delay, and the total delay of the loop [s]."""
     return replace(machine, delay=0.0), require_nonnegative("delay", delay) + machine.delay
 
 
 def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 0.0) -> FrictionPlant:
-    """Return the machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
+    """Return the machine with an additional spring [N/m] and mass [kg] at its friction port; either may be negative.
 
     >>> machine = with_port_impedance(friction_plant(1.0, 80e3), -30e3, 0.25)
     >>> round(machine.resonance**2 * 1.25)
@@ -326,7 +327,7 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
     """
     require_one_port(machine)
     accelerated = float(machine.velocity @ machine.B_port)
-    share = mass / (1 + mass * accelerated)  # of the acceleration that the machine would have without the mass
+    share = mass / (1 + mass * accelerated)  # of the acceleration of the machine without the additional mass
     A = machine.A - stiffness * np.outer(machine.B_port, machine.C_port)
     taken = share * np.outer(machine.B_port, machine.velocity)
     return replace(
@@ -339,8 +340,8 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
 
 # ---- The sliding loop between its samples and at them: linear flows, and the jumps of the controller.
 #
-# Flow xi' = F xi + B f over a span, jump xi+ = J xi before it. The state xi is that of the machine, the held force, the
-# forces that wait for the delay to pass, and the controller. Nothing is cancelled: the controller is used as given.
+# Flow xi' = F xi + B f over a span, with the jump xi+ = J xi before it. The state xi contains the machine, the held
+# force, the forces that wait for the delay, and the controller. Nothing is cancelled: the controller is used as given.
 
 _EPS = np.finfo(float).eps
 _LONGEST_DELAY = 20  # samples
@@ -348,24 +349,24 @@ _LONGEST_DELAY = 20  # samples
 
 @value
 class FrictionLoop:
-    """A loop around a machine without friction, and how a friction f at its port would drive it.
+    """A loop around a machine without friction, and the input of a friction f at its port.
 
     Fields
     ------
     F : (n, n) ndarray
-        Flow between the samples; the whole loop where the controller is continuous.
+        Dynamics between the samples; those of the whole loop if the controller is continuous.
     B : (n,) or (n, P) ndarray
-        How the friction enters: xi' = F xi + B f; with several friction ports a column each.
+        Input of the friction: xi' = F xi + B f; one column for each of several friction ports.
     x, v : (n,) or (P, n) ndarray
-        Displacement and velocity at the friction port; with several a row each.
+        Displacement and velocity at the friction port; one row for each of several ports.
     T : float
         Sampling time [s]; zero for a continuous controller.
     spans : (S,) ndarray
-        How long each flow lasts [s].
+        Durations of the flows [s].
     jumps : (S, n, n) ndarray
-        What happens before each.
+        Jump before each flow.
     measured : (n,) ndarray
-        The measured position.
+        Row of the measured position.
     """
 
     F: np.ndarray
@@ -379,7 +380,7 @@ class FrictionLoop:
 
     @property
     def columns(self) -> np.ndarray:
-        """(n, P) how the friction of each port enters."""
+        """(n, P) input of the friction at each port."""
         return self.B.reshape(self.F.shape[0], -1)
 
     @property
@@ -393,9 +394,9 @@ class FrictionLoop:
         return np.atleast_2d(self.v)
 
     def period(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
-        """(n, n) one sample on, from just before the jump, with springs and dampers at the ports; F if continuous.
+        """(n, n) state transition over one sample, from just before the jump, with springs and dampers at the ports.
 
-        kappa : stiffness [N/m], one for all or one a port.
+        It is F for a continuous controller. kappa : stiffness [N/m], one for all ports or one for each.
         """
         F = self.F + self.columns * kappa @ self.displacements + self.columns * damper @ self.velocities
         if not self.T:
@@ -406,23 +407,23 @@ class FrictionLoop:
         return total
 
     def poles(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
-        """Poles of the loop with a spring and a damper at its port: of one period where sampled."""
+        """Poles of the loop with a spring and a damper at its port; of one period for a sampled controller."""
         return np.linalg.eigvals(self.period(kappa, damper))
 
     def growth(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> float:
-        """Largest |pole| less one, or largest real part: negative where the loop is stable."""
+        """Largest |pole| minus one, or largest real part: negative for a stable loop."""
         poles = self.poles(kappa, damper)
         return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the loop comes to rest under f = 1 N, of the shape of B, and how far each entry of it may be off."""
+        """Rest position under f = 1 N, of the shape of B, and the error bound of each entry."""
         unit_time = self.T or 1.0
         own = np.eye(self.F.shape[0])
         conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
         wanted = np.zeros((conditions.shape[0], *self.B.shape[1:]))
         wanted[: own.shape[0]] = -self.B * unit_time
         unit = np.linalg.norm(conditions, axis=0)
-        unit[unit == 0] = 1.0  # a state that may rest anywhere
+        unit[unit == 0] = 1.0  # a state with an arbitrary rest
         inverse = np.linalg.pinv(conditions / unit, rcond=1e-15) / unit[:, None]
         there = inverse @ wanted
         for _ in range(2):
@@ -432,13 +433,13 @@ class FrictionLoop:
 
 
 def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> FrictionLoop:
-    """Return the loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
+    """Return the loop u = -K y around a machine; for a sampled K with sampler, delay [s] and hold.
 
     The delay of the machine itself is added to it.
 
     >>> from robust.friction.plant import friction_plant
     >>> loop = friction_loop(friction_plant(1.0, 80e3, 0.4), 0.0)
-    >>> round(loop.growth(), 3)                                    # -c / 2m: nothing but the damping of the rig
+    >>> round(loop.growth(), 3)                                    # -c / 2m: the damping of the rig alone
     -0.2
     """
     K = state_space("K", K)
@@ -486,7 +487,7 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
 
 
 def _continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLoop:
-    """Return the loop with a continuous controller: one flow, no jump."""
+    """Return the loop with a continuous controller: one flow and no jump."""
     n, s = machine.A.shape[0], K.nstates
     F = np.zeros((n + s, n + s))
     F[:n, :n] = machine.A - K.D[0, 0] * np.outer(machine.B_force, machine.C_measured)
@@ -506,47 +507,46 @@ def _continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionL
 
 
 def pad_states(part: np.ndarray, size: int) -> np.ndarray:
-    """Pad a row or rows (..., n) over the states of the machine with zeros to those of the loop."""
+    """Pad a row or rows (..., n) over the states of the machine with zeros to the states of the loop."""
     return np.concatenate([part, np.zeros((*part.shape[:-1], size - part.shape[-1]))], axis=-1)
 
 
-# ---- What a friction that is only known to be bounded cannot do: stop a run-away, or hunt further than this.
+# ---- Two consequences of |f| <= Fs: a state from which the motion diverges, and the farthest that the loop can hunt.
 #
-# The unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w', and |f| <= Fs takes off it at most
-# what a support function says: beyond that the motion diverges with every such friction. A stable one keeps the
-# position
-# within Fs times the integral of the absolute kernel from friction to position.
+# An unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w'. |f| <= Fs reduces it at most by the
+# value of a support function; beyond that value the motion diverges with every such friction. A stable loop keeps the
+# position within Fs times the integral of the absolute kernel from friction to position.
 #
-# Every integral is taken from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy and Schwarz), and int
-# g^2 is a quadratic form that a matrix exponential gives exactly, however often g turns its sign. The rest of a series
-# is bounded by a Lyapunov function. Pieces only make the bound tight.
+# Every integral is bounded from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy and Schwarz), and a
+# matrix exponential gives the quadratic form int g^2 exactly, however often g changes its sign. The rest of a series is
+# bounded by a Lyapunov function. Cutting into pieces only makes the bound tight.
 
 _PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest mode
 _MAX_PIECES = 4096  # of a period
 _MAX_PERIODS = 200_000
 _MAX_OPERATIONS = 1e10  # multiplications
 _MERGED_PER_CYCLE = 128  # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
-_N_FINE_PERIODS = 64  # after which modes that are fast beside the clock have died
+_N_FINE_PERIODS = 64  # after these periods the modes that are fast relative to the clock have died out
 _TAIL_SHARE = 1e-4
 _ROUNDED_UP = 1 + 1e-6  # outward
-_CIRCLE_MARGIN = 1e-9  # a pole closer to the unit circle may lie on either side
+_CIRCLE_MARGIN = 1e-9  # rounding may put a pole closer to the unit circle on either side
 
 
 @value
 class _PeriodPieces:
-    """A period of a loop cut into pieces.
+    """One period of a loop, cut into pieces.
 
     Fields
     ------
     map : (n, n) ndarray
-        The state a period on.
+        State transition over the period.
     kernel : (n, P n) ndarray
-        What the friction of each piece makes of the state at its end, n columns a piece: for any row r,
+        Effect of the friction of each piece on the state at the end of the period, n columns a piece. For any row r,
         int |r g| over piece p is at most the norm of (r kernel) in its columns.
     reads : (3, R, n) ndarray
-        Position, acceleration and velocity at the ends of the pieces, of the state at the begin of the period.
+        Rows that give position, acceleration and velocity at the ends of the pieces from the state at the start.
     within : (3, R) ndarray
-        What 1 N in the pieces of the period before each makes of them, at most.
+        Upper bound of their change by 1 N in the pieces of the period up to each end.
     lengths : (P,) ndarray
         Lengths of the pieces [s].
     """
@@ -559,9 +559,9 @@ class _PeriodPieces:
 
 
 def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) -> float:
-    """Return the least multiple of a state from which the motion diverges with every |f| <= Fs; inf where none does.
+    """Return the smallest multiple of the state `direction` from which the motion diverges with every |f| <= Fs.
 
-    Also inf where it would take too many pieces to tell.
+    It is inf if there is none, and if the computation would take too many pieces.
     """
     cut = _cut_period(loop)
     if cut is None:
@@ -582,7 +582,7 @@ def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) ->
 
 
 def _support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
-    """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|, tail included."""
+    """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|, with its tail."""
     total = np.zeros(turn.size)
     affordable = _MAX_OPERATIONS / (40 * turn.size * parts.size)
     periods = int(max(1, min(_MAX_PERIODS, affordable, np.ceil(np.log(1 / _TAIL_SHARE) / np.log(np.abs(pole))))))
@@ -598,17 +598,18 @@ def _support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.
 def steady_error_bound(loop: FrictionLoop) -> float:
     """Return an upper bound of the distance from rest [m/N] that a friction of at most 1 N can sustain: the peak gain.
 
-    inf where the loop is not stable by more than its rounding, or where it would take too many pieces or periods.
+    It is inf if the loop is not stable by more than its rounding, or if it would take too many pieces or periods.
     """
     cut = _cut_period(loop)
     if cut is None:
         return np.inf
     positions = _absolute_kernel_integral(cut, 0)
-    if not loop.T:  # nothing tells one instant from another
+    if not loop.T:  # all instants are alike
         return float(positions.max() * _ROUNDED_UP)
     if not np.isfinite(positions).all():
         return np.inf
-    # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
+    # between two ends of pieces the position leaves its chord by at most h^2/8 times the largest acceleration, which is
+    # bounded by twice the largest one at the ends
     bend = 2 * (_absolute_kernel_integral(cut, 1).max() + np.abs(loop.v @ loop.B))
     step, at_once = cut.lengths.max(), np.abs(loop.x @ loop.B)
     away = step**2 / 8 * bend
@@ -638,7 +639,7 @@ def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
         ]
     for count, step, state, n_steps in stages:
         for k in range(n_steps):
-            if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
+            if k % 8 == 0:  # the rest: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map contracts
                 left = np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
                 rest = weight * left / (1 - rate**count)
                 if (rest <= _TAIL_SHARE * total.max()).all():
@@ -649,9 +650,9 @@ def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
 
 
 def _merge_periods(cut: _PeriodPieces) -> tuple[int, np.ndarray] | None:
-    """Return how many periods are cut into pieces of whole periods, and what the friction of each makes of the state.
+    """Return a number of periods that is cut into pieces of whole periods, and the effect of the friction in each.
 
-    That is for modes which are slow beside the clock, once the fast ones have died; None where one of them is not slow.
+    This is for modes that are slow relative to the clock, after the fast ones have died out. None if one is not slow.
     """
     poles = np.linalg.eigvals(cut.map)
     lasting = poles[np.abs(poles) ** _N_FINE_PERIODS > _TAIL_SHARE]
@@ -661,7 +662,7 @@ def _merge_periods(cut: _PeriodPieces) -> tuple[int, np.ndarray] | None:
     together = int(np.pi / (_MERGED_PER_CYCLE * fastest)) if fastest else 1
     n = cut.map.shape[0]
     pieces = cut.kernel.reshape(n, -1, n)
-    # (sum of h_p) times the sum of int g^2, of which a piece holds h_p int g^2
+    # (sum of h_p) times the sum of int g^2; a piece contains h_p int g^2
     gram = np.einsum("ipk,jpk,p->ij", pieces, pieces, cut.lengths.sum() * together / cut.lengths)
     total, power = np.zeros((n, n)), np.eye(n)
     for _ in range(together):
@@ -685,7 +686,7 @@ def _kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
 
 
 def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """A norm |L x| in which a stable map shrinks by a rate below one: L, its inverse, the rate; None where none is."""
+    """Return a norm |L x| in which a stable map contracts: L, its inverse, the rate below one; else None."""
     scaled, weights = balance_matrix(period)
     goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
     if not 0 < goal < 1 or _MAX_PERIODS * (1 - goal) < 1:
@@ -702,11 +703,9 @@ def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] |
 
 
 def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
-    """Cut a period so finely that neither the clock nor the fastest mode gets far in a piece.
+    """Cut a period into pieces that are short for both the clock and the fastest mode; None if these are too many.
 
-    None where that takes too many.
-
-    The period of a continuous loop is half a swing of its fastest mode.
+    The period of a continuous loop is half an oscillation of its fastest mode.
     """
     n = loop.F.shape[0]
     fastest = np.abs(np.linalg.eigvals(loop.F)).max(initial=0.0)
@@ -748,9 +747,9 @@ def _flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.n
 
 
 def _gramian_root(gram: np.ndarray) -> np.ndarray:
-    """Return G with G G' a little over the Gramian: what rounding may have taken is put back.
+    """Return G with G G' slightly above the Gramian, so that rounding cannot make it too small.
 
-    In units in which every state is moved alike, as eigenvalues are as good as the largest.
+    The Gramian is scaled to unit diagonal, because eigenvalues are accurate only relative to the largest one.
     """
     n = gram.shape[0]
     unit = np.sqrt(np.maximum(np.diag(gram), 0))
@@ -759,7 +758,7 @@ def _gramian_root(gram: np.ndarray) -> np.ndarray:
     return np.asarray(unit[:, None] * turns * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max()))
 
 
-# ---- The sliding loop over frequency: what the friction at its port makes of the velocity there.
+# ---- The sliding loop over frequency: from the friction at its port to the velocity there.
 
 
 def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
@@ -779,9 +778,9 @@ def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
 
 
 def mobility(loop: FrictionLoop, omega: np.ndarray) -> np.ndarray:
-    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out.
+    """Return (W,) velocity at the port over friction at the same frequency; aliases of the sampler are left out.
 
-    With several ports (W, P, P), from the friction at the second to the velocity at the first.
+    With several ports: (W, P, P), from the friction at the second index to the velocity at the first.
     """
     none = np.zeros(loop.F.shape[0])
     moved = [driven_states(loop, omega, flow=column, struck=none)[0] @ loop.v.T for column in loop.columns.T]
@@ -793,13 +792,13 @@ def driven_states(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the (W, n) state at the frequency of the force, and the (W, n) state just before a sample.
 
-    flow, struck : (n,) how exp(j w t) enters the flow, and how it enters at the first jump of a period (sampled only).
+    flow, struck : (n,) input of exp(j w t) into the flow, and into the first jump of a period (sampled loops only).
 
-    With f = exp(j w t) the state repeats but for its phase. Its part at w follows from the flow by partial
+    With f = exp(j w t) the state repeats up to a phase. Its component at w follows from the flow by partial
     integration: (j w - F) xi_1 = B + (1/T) sum of the jumps, each with its phase.
     """
     n = loop.F.shape[0]
-    # an undamped machine has its poles on the axis, where the two sides of that equation vanish together
+    # an undamped machine has its poles on the axis, where both sides of that equation vanish
     s = 1j * omega * (1 + 1e-9)
     pencil = s[:, None, None] * np.eye(n) - loop.F
     forced = np.linalg.solve(pencil, np.broadcast_to(flow.astype(complex)[:, None], (s.size, n, 1)))[..., 0]
@@ -826,7 +825,7 @@ def driven_states(
 
 # ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the loop unstable.
 
-#: Springs that are tried, over K0: of one port, and of each of several.
+#: Springs that are tried, relative to K0: for one port, and for each of several.
 _SPRING_SHARES = (
     np.unique(np.concatenate([np.linspace(0, 1, 31)[1:], np.geomspace(1e-3, 1, 30)])),
     np.concatenate([[0.0], np.geomspace(1e-3, 1, 13)]),
@@ -836,10 +835,10 @@ _SPRING_SHARES = (
 def destabilizing_stiffness(
     loop: FrictionLoop, K0: float | np.ndarray, damper: float = 0.0
 ) -> tuple[float | tuple[float, ...], complex] | None:
-    """Return a stiffness [N/m] in [0, K0] that makes the loop unstable, and its pole; the most unstable one found.
+    """Return the most unstable stiffness [N/m] found in [0, K0], and its pole; None if none is unstable.
 
-    With each stiffness but zero goes a damper [Ns/m], that of a bristle. With several ports K0 and the stiffness are
-    one a port. None where none was found: of those tried and the refinement around the worst of them.
+    Each stiffness except zero comes with a damper [Ns/m], that of a bristle. With several ports, K0 and the stiffness
+    have one entry a port. The search covers a fixed grid and its refinement around the worst point.
     """
     beyond = _CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
     n_ports = loop.columns.shape[1]
@@ -850,7 +849,7 @@ def destabilizing_stiffness(
         shares = np.array(list(product(tried, repeat=n_ports)))
         found = np.array([loop.growth(share * stiffest, damper) for share in shares])
         worst, growth = shares[int(np.argmax(found))], float(found.max())
-        for port in range(n_ports):  # between the neighbours of the worst, one port after the other
+        for port in range(n_ports):  # between the neighbours of the worst, for one port after another
             at = int(np.searchsorted(tried, worst[port]))
             low, high = tried[max(at - 1, 0)], tried[min(at + 1, tried.size - 1)]
             for share in np.linspace(low, high, 9)[1:-1]:

@@ -14,7 +14,7 @@ class MechanicalUnits:
     Fields
     ------
     position, velocity, force, stiffness, damping, mass : str
-        The stiffness in thousands.
+        Names of the units. The unit of stiffness is in thousands.
     """
 
     position: str
@@ -34,7 +34,7 @@ _UNITS = {
 
 
 def mechanical_units(position_unit: str) -> MechanicalUnits:
-    """Return the units of an axis by that of its position, or refuse another unit.
+    """Return the units of an axis for its position unit, "m" or "rad".
 
     >>> mechanical_units("rad").stiffness
     'kNm/rad'
@@ -54,7 +54,7 @@ def format_plain(number: float) -> str:
 
 
 def format_length(length: float, unit: str) -> str:
-    """Return a length or angle with its unit, below a thousandth in millionths, below a tenth in thousandths.
+    """Format a length or angle with its unit: below a thousandth in millionths, below a tenth in thousandths.
 
     >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm"), format_length(2.5e-3, "m")
     ('21.9 um', '0.5 rad', '1e-05 mm', '2.5 mm')
@@ -64,7 +64,7 @@ def format_length(length: float, unit: str) -> str:
 
 
 def position_unit_of(unit: str) -> str:
-    """Return "rad" for a position or a ratio such as rad/Nm in rad, "m" for every other unit and for none.
+    """Return "rad" for a position in rad and for a ratio such as rad/Nm, else "m".
 
     >>> position_unit_of("rad/Nm"), position_unit_of("m"), position_unit_of("")
     ('rad', 'm', 'm')

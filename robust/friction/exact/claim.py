@@ -1,4 +1,4 @@
-"""``FrictionClaim``: what is claimed of a machine with friction, with every number as given."""
+"""``FrictionClaim``: a claim on a machine with friction, with every number as given."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ _KINDS = ("Maxwell slip", "bristle")
 
 @value
 class Actuator:
-    """An actuator that gives u = sat(asked), and the numbers why the loop comes to rest with it all the same.
+    """An actuator that delivers u = sat(command), and the numbers that prove rest in spite of it.
 
     Fields
     ------
     limit, Fs : float
-        Its largest force and that of the friction [N].
+        Largest force of the actuator and of the friction [N].
     kick : float
-        Velocity at the friction port [m/s], on the machine at rest and relaxed, up to which the claim holds; of no
-        meaning with a share of one, where it holds from every state.
+        Initial velocity at the friction port [m/s], at rest and relaxed, up to which the claim holds. It has no meaning
+        for a share of one: the claim then holds from every state.
     share : float
-        w (share asked'y - w) >= 0 of what is missed, w = asked - u, as long as asked'y is small enough.
+        Sector gain: w (share c'y - w) >= 0 for the deficit w = command - u and the command c'y, if c'y is small enough.
     sector : float
-        Weight of that.
+        Weight of this inequality.
     forgets, weights : (J,) ndarray
-        Filters of the given force, as a share of each sample or a rate [1/s], and their weights.
+        Filters of the delivered force, as a share of each sample or a rate [1/s], and their weights.
     """
 
     limit: float
@@ -45,20 +45,20 @@ class Actuator:
 
 @value
 class Settling:
-    """How far from rest a friction with stiction can keep a loop, and the rate of decay that shows it.
+    """A bound of the distance from rest under friction with stiction, and the rate of decay that proves it.
 
     Fields
     ------
     decay : float
         lambda [1/s] in V' + 2 lambda V <= r^2.
     Fs : float
-        Largest force of the friction [N].
+        Largest friction force [N].
     error : float
         Bound of the displacement at every port in the end [m].
     other_Fs : (P - 1,) ndarray
-        Largest force at the ports after the first [N].
+        Largest friction force at the ports after the first [N].
     rest_weights : (P,) ndarray
-        w_p in V' + 2 lambda V <= sum w_p r_p^2, the rests over the largest of them.
+        w_p in V' + 2 lambda V <= sum w_p r_p^2; the rests are relative to the largest of them.
     """
 
     decay: float
@@ -75,11 +75,11 @@ class PortClass:
     Fields
     ------
     K0, stiction, bristle_time : float
-        Of the class [N/m], [-], [s].
+        Limits of the class [N/m], [-], [s].
     free : float
         Weight of the friction itself.
     rates, weights : (J,) ndarray
-        Filters [rad/s], the first the reference, and their weights.
+        Rates of the filters [rad/s], the reference first, and their weights.
     """
 
     K0: float
@@ -92,7 +92,7 @@ class PortClass:
 
 @value
 class FrictionClaim:
-    """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest or settles; and why.
+    """The claim that u = -K y around p' = A p + B (u, -f) comes to rest or settles with a friction class; its numbers.
 
     Fields
     ------
@@ -102,31 +102,32 @@ class FrictionClaim:
     controller : Matrices
         Sampled, or continuous (dt = 0).
     delay : float
-        From sampling to the force changing [s]; within 1e-9 of a whole number of samples it is that number.
+        Delay from the sample to the change of the force [s]. Within 1e-9 of a whole number of samples it is that
+        number.
     kind : str
         "Maxwell slip" or "bristle".
     K0, stiction, bristle_time, microdamping : float
-        Of the class [N/m], [-], [s], [Ns/m].
+        Limits of the class [N/m], [-], [s], [Ns/m].
     rates, weights : (J,) ndarray
-        Filters [rad/s] and their weights; of Maxwell slip the first is the reference.
+        Rates of the filters [rad/s] and their weights; for Maxwell slip the first is the reference.
     free : float
         Weight of the friction itself.
     block : (3, 3) ndarray
-        Of bristles: the form in (v, q, gamma).
+        For bristles: the form in (v, q, gamma).
     bounds : (2,) ndarray
-        Of bristles: multiples of the sector that the block is above.
+        For bristles: multiples of the sector form that are below the block.
     V : (n, n) ndarray
         Coordinates of the stored energy.
     P : (I, 4, n, n) ndarray
-        Bernstein coefficients of the stored energy in these, interval by interval; (1, 1, n, n) where K is continuous.
+        Bernstein coefficients of the stored energy in V, interval by interval; (1, 1, n, n) for a continuous K.
     counts : (S,) integer ndarray
-        Intervals of equal length in each span between changes of the force.
+        Number of intervals of equal length in each span between changes of the force.
     actuator : Actuator or None
-        None where it never saturates. Its filters are the last states of the loop, before those of the friction.
+        None if the actuator never saturates. Its filters are the last states of the loop, before those of the friction.
     settling : Settling or None
-        None where the loop comes to rest; else what is claimed is a bound.
+        None if rest is claimed; else the bound that is claimed.
     other_ports : tuple of PortClass
-        Where Maxwell slip acts at several ports, those after the first. The filters of V and P follow port by port.
+        For Maxwell slip at several ports: the ports after the first. The filters of V and P follow port by port.
     """
 
     SCHEMA: ClassVar[str] = "robust-friction-certificate"

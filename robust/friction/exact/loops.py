@@ -1,4 +1,4 @@
-"""The sliding loop of a claim over the rationals: flows between samples, jumps at them, where it rests under 1 N."""
+"""The sliding loop of a claim over the rationals: flows between samples, jumps at samples, and its rest under 1 N."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ExactLoop:
 def _continuous_flow(
     A: list[list[fmpq]], B: list[list[fmpq]], C: list[list[fmpq]], K: dict[str, list[list[fmpq]]]
 ) -> Rows:
-    """Return the flow of a machine and a continuous controller, with the state (machine, K)."""
+    """Return the dynamics of a machine and a continuous controller, with the state (machine, K)."""
     n, D = len(A), K["D"][0][0]
     machine: Rows = [
         [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)
@@ -47,7 +47,7 @@ def _continuous_flow(
 
 
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
-    """The loop of machine, hold, delay and controller, with the state (machine, held force, waiting forces, K)."""
+    """Return the loop of machine, hold, delay and controller; its state is (machine, held force, waiting forces, K)."""
     A, B, C = (to_rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
     K = {name: to_rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
     n, s = claim.machine.order, claim.controller.order
@@ -64,7 +64,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         F += [[0] * size for _ in range(size - n)]
         command_row: Row = [-D * c for c in C[0]] + [0] * (1 + waiting) + [c for row in K["C"] for c in row]
         rows: Rows = [*identity(size).tolist()]
-        forces: Rows = [command_row, *rows[n + 1 : own]]  # the new one, then those that wait, the oldest last
+        forces: Rows = [command_row, *rows[n + 1 : own]]  # the new force, then the waiting ones, the oldest last
         rows[n + 1 : own] = forces[:waiting]
         for i in range(s):
             rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
@@ -88,7 +88,6 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
 
 
 def block_diagonal(first: fmpq_mat, second: fmpq_mat) -> fmpq_mat:
-    """Return the matrix of two that do not act on each other."""
     rows: Rows = [[*row, *[0] * second.ncols()] for row in first.tolist()]
     rows += [[*[0] * first.ncols(), *row] for row in second.tolist()]
     return fmpq_mat(rows)
@@ -103,7 +102,7 @@ def _split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
 
 
 def equilibrium(loop: ExactLoop) -> fmpq_mat:
-    """Return the equilibrium under f = 1 at each port exactly, a column each, or raise a ValueError of none."""
+    """Return the exact equilibrium under f = 1 at each port, one column each; raise a ValueError if there is none."""
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = identity(n)
@@ -113,18 +112,18 @@ def equilibrium(loop: ExactLoop) -> fmpq_mat:
     try:
         there = (M.transpose() * M).solve(M.transpose() * b)
     except ZeroDivisionError:
-        raise ValueError("the loop may rest in many places") from None
+        raise ValueError("the rest of the loop is not unique") from None
     if M * there != b:
         raise ValueError("the loop does not rest under a constant friction")
     return there
 
 
-# ---- An actuator that saturates, over the rationals: the loop with filters of its force, its supply, its reach.
+# ---- An actuator that saturates, over the rationals: the loop with filters of its force, its supply, its region.
 
 
 @value(copy=False)
 class ExactBlock:
-    """What is missed, w, enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2.
+    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2.
 
     Fields
     ------
@@ -139,25 +138,22 @@ class ExactBlock:
 
 
 def check_actuator(claim: FrictionClaim) -> str:
-    """Return an empty string if the actuator weights are admissible for any saturation.
-
-    Else what is wrong with them.
-    """
+    """Return an empty string if the weights of the actuator are admissible for any saturation, else the fault."""
     own = claim.actuator
     if own is None:
         return ""
     if min([own.sector, *own.weights]) < 0 or own.sector + sum(own.weights) <= 0:
-        return "a weight of the actuator is negative, or there is none"
+        return "a weight of the actuator is negative, or all are zero"
     fastest = 1 if claim.controller.dt else None
     if min([1.0, *own.forgets]) <= 0 or (fastest and max([0.0, *own.forgets]) > fastest):
-        return "a filter of the actuator is no mean of the past"
+        return "a filter of the actuator is not a mean of the past"
     if not (0 < own.Fs < own.limit and 0 <= own.share <= 1):
-        return "the limit is not above the friction, or the share not between zero and one"
+        return "the limit is not above the friction, or the share is not between zero and one"
     return ""
 
 
 def _commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
-    """Return the row (size,) of the commanded force in the states."""
+    """Return the commanded force as a row (size,) on the states."""
     C, D = to_rational_matrix(claim.controller.C).tolist(), to_rational_matrix(claim.controller.D).tolist()[0][0]
     measured = to_rational_matrix(claim.machine.C).tolist()[0]
     n, s = claim.machine.order, claim.controller.order
@@ -192,7 +188,7 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
 
 
 def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
-    """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) of a loop with filters, among `size` states."""
+    """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) for a loop with filters, in `size` states."""
     own = claim.actuator
     assert own is not None
     theta, sector, share = [to_rational(x) for x in own.weights], to_rational(own.sector), to_rational(own.share)
@@ -219,10 +215,10 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
 
 
 def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq_mat]], stored: fmpq_mat) -> str:
-    """Return an empty string if the claimed initial velocity keeps the command in the sector, else why not.
+    """Return an empty string if the claimed initial velocity keeps the command in the sector, else the fault.
 
-    (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;
-    stored : the whole energy just before a sample.
+    The test is (1 - share)^2 kick^2 (e'Pe) (c'E^-1 c) <= (limit - Fs |c'rest|)^2, in the coordinates of the energy.
+    stored : the whole energy E just before a sample.
     """
     own = claim.actuator
     assert own is not None
@@ -241,7 +237,7 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq
     B, v = to_rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
     through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=to_rational(0.0))
     if through <= 0:
-        return "" if own.share == 1 else "a kick moves no velocity"
+        return "" if own.share == 1 else "a force at the friction port does not change the velocity at once"
     hit = fmpq_mat([[B[i][1] / through] if i < claim.machine.order else [to_rational(0.0)] for i in range(size)])
     start = V.solve(hit)
     put_in = max((start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval)

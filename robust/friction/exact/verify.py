@@ -1,7 +1,7 @@
-"""The stored energy of a claim falls with every friction of its class: proved over the rationals, nothing rounded.
+"""Verification over the rationals: the stored energy of a claim falls with every friction of its class.
 
-Between nodes the energy z'P(t)z is a cubic, and the inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 a convex
-combination of its four Bernstein coefficients; coordinates are changed exactly, which changes no sign.
+Between nodes the energy z'P(t)z is a cubic. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is then a convex
+combination of its four Bernstein coefficients. Coordinates are changed exactly, which changes no sign.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from robust.proofs.exact.verification import Verification
 
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
 #
-# Derived on the page on the theory of these proofs (T1, T2, T3); nothing here is taken from the code that found
-# weights.
+# It is derived on the page on the theory of these proofs (T1, T2, T3). Nothing here is taken from the code that found
+# the weights.
 
 
 @value(copy=False)
 class _ExactSupply:
-    """A flow z' = A z + B d with jumps, a supply, and the rest of the stored energy, as matrices of rationals.
+    """A flow z' = A z + B d with jumps, its supply, and the rest of the stored energy, as matrices of rationals.
 
     Fields
     ------
     A, B, Q, N, R, stored : fmpq_mat
     jumps : list of fmpq_mat
     block : ExactBlock or None
-        What acts at the first jump.
+        Nonlinearity at the first jump.
     """
 
     A: fmpq_mat
@@ -59,12 +59,12 @@ class _ExactSupply:
 
 
 def _check_weights(claim: FrictionClaim) -> str:
-    """Return an empty string if the weights are admissible for the class of friction, else what is wrong with them."""
+    """Return an empty string if the weights are admissible for the class of friction, else the fault."""
     for port in claim.ports:
         if min([port.free, *port.weights]) < 0 or min([1.0, *port.rates]) <= 0:
-            return "a weight is negative, or a rate not positive"
+            return "a weight is negative, or a rate is not positive"
         if not (port.K0 > 0 and port.stiction >= 1):
-            return "K0 is not positive, or stiction below one"
+            return "K0 is not positive, or the stiction is below one"
         late = any(to_rational(a) * to_rational(port.bristle_time) >= 1 for a in port.rates)
         if claim.kind == "Maxwell slip" and (late or not port.rates.size):
             return "a filter is faster than the bristles"
@@ -83,7 +83,6 @@ def _check_weights(claim: FrictionClaim) -> str:
 
 
 def _exact_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
-    """Return the inequality of the class for this loop."""
     if claim.settling is not None:
         return _settling_supply(claim, loop, claim.settling)
     form = _maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else _bristle_supply(claim, loop)
@@ -91,10 +90,10 @@ def _exact_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
 
 
 def _settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> _ExactSupply:
-    """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
+    """Return the supply for friction without stiction plus a rest force (T7): states (y, e_j), inputs g - gh_1 and r.
 
-    The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d). With several
-    ports all d come before all r, and each r is the rest there over the largest of all.
+    The decay is in the flow, A + decay I, and in the losses of the filters. stored : a form in (y, e_j, d), with d = g
+    - gh_1. For several ports all d come before all r, and each r is relative to the largest rest of all ports.
     """
     ports, zero, decay = claim.ports, to_rational(0.0), to_rational(own.decay)
     filters = [[to_rational(x) for x in port.rates] for port in ports]
@@ -137,7 +136,7 @@ def _settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> _E
 
 
 def _largest_rests(claim: FrictionClaim) -> list[fmpq]:
-    """Return how far the friction at each port is from the one of the same elements with constant sliders."""
+    """Return the largest difference of each friction from that of the same elements with constant sliders [N]."""
     return [
         (1 - 1 / to_rational(port.stiction)) * Fs / 2
         for port, Fs in zip(claim.ports, _largest_forces(claim), strict=True)
@@ -145,13 +144,12 @@ def _largest_rests(claim: FrictionClaim) -> list[fmpq]:
 
 
 def _largest_forces(claim: FrictionClaim) -> list[fmpq]:
-    """Return the largest friction force at each port."""
     assert claim.settling is not None
     return [to_rational(claim.settling.Fs), *(to_rational(float(force)) for force in claim.settling.other_Fs)]
 
 
 def _with_dead_zone(form: _ExactSupply, block: ExactBlock, loop: ExactLoop) -> _ExactSupply:
-    """Add the dead zone at the first jump, or in the flow of a continuous loop: its output is one more input."""
+    """Add the dead zone at the first jump, or to the flow of a continuous loop, where it is one more input."""
     if loop.spans:
         return replace(form, block=block)
 
@@ -173,9 +171,9 @@ def _with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[f
 
 
 def _maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
-    """Return the supply of Maxwell-slip friction: states (y, e_j), inputs d = f - fh_1 a port; theorems T1 and T2."""
+    """Return the supply of Maxwell-slip friction (T1, T2): states (y, e_j), inputs d = f - fh_1 of each port."""
     zero, ports, n = to_rational(0.0), claim.ports, loop.F.nrows()
-    # at one itself the energy is not positive
+    # at a stiction of one the energy is not positive
     ratios = [to_rational(port.stiction if port.stiction > 1 else 1.001) for port in ports]
     filters = [[to_rational(a) for a in port.rates] for port in ports]
     rest = equilibrium(loop)
@@ -223,7 +221,7 @@ def _maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
     for p in range(P):
         for q in range(P):
             if shares[p] * moved[p][q] != shares[q] * moved[q][p]:
-                raise ValueError("the rests of the ports are not those of an energy")
+                raise ValueError("no stored energy fits the rests of the ports")
             stored[size + 2 * p][size + 2 * q] -= shares[p] * moved[p][q] / 2
     return _ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
@@ -231,9 +229,9 @@ def _maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
 
 
 def _port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq]]) -> list[fmpq]:
-    """Return factors near one on the weights of each port that make s_p X_pq symmetric, where rounding alone does not.
+    """Return factors near one on the weights of each port that make s_p X_pq symmetric in spite of rounding.
 
-    moved : X, the displacement at port p at rest under f_q = 1. A claim may have any weights that are not negative.
+    moved : X, the displacement at port p at rest under f_q = 1. A claim may have any nonnegative weights.
     """
     scales = [to_rational(1.0)]
     shares = [
@@ -247,7 +245,7 @@ def _port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq
 
 
 def _bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> _ExactSupply:
-    """Return the supply of bristles: states (y, e_j), inputs gamma = F'/K0 and q = z'; theorem T3."""
+    """Return the supply of bristles (T3): states (y, e_j), inputs gamma = F'/K0 and q = z'."""
     a, nu, mu = [to_rational(x) for x in claim.rates], [to_rational(x) for x in claim.weights], to_rational(claim.free)
     K0, sigma = to_rational(claim.K0), to_rational(claim.microdamping)
     M = [[to_rational(x) for x in row] for row in claim.block]
@@ -289,7 +287,7 @@ _ACTUATOR_CLAIM = "the actuator stays within reach"
 def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
     """Prove a claim on a machine with friction again, from its numbers as rationals.
 
-    Not verified is a result, not an error: each part with its reason.
+    A claim that is not verified is a result and not an error: `failed` has each part with its reason.
     """
     deadline, own = time.monotonic() + time_cap, claim.settling
     wrong = _check_weights(claim) or _check_decay(claim)
@@ -303,7 +301,7 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
         looked_at = [energy[0][0], energy[-1][-1]] if own is None else [P for interval in energy for P in interval]
         whole = [_full_storage(form.stored, P) for P in looked_at]
         if not all(map(positive_definite, whole)):
-            failed[_PARTS[3]] = "it is not"
+            failed[_PARTS[3]] = "it is not positive definite"
         elif claim.actuator is not None:
             beyond = check_reach(claim, loop, energy=energy, stored=whole[-1])
             failed |= {_ACTUATOR_CLAIM: beyond} if beyond else {}
@@ -317,17 +315,17 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
 
 
 def _check_decay(claim: FrictionClaim) -> str:
-    """Return an empty string if rate of decay and class are those of T7, or no bound is claimed, else what is wrong."""
+    """Return an empty string if decay and class satisfy T7, or if no bound is claimed; else the fault."""
     own = claim.settling
     if own is None:
         return ""
     if claim.kind != "Maxwell slip" or any(port.bristle_time or port.free for port in claim.ports):
-        return "only for Maxwell slip without a damper, and without a weight of the friction itself"
+        return "only for Maxwell slip without a damper, and with a weight of f v of zero"
     if not (own.decay > 0 and min(_largest_forces(claim)) > 0):
         return "decay or Fs is not positive"
     shares = [to_rational(float(share)) for share in own.rest_weights]
     if min(shares) < 0 or sum(shares, start=to_rational(0.0)) > 1:
-        return "the weights of the rests are negative, or more than one together"
+        return "a weight of the rests is negative, or their sum is above one"
     slow = any(
         weight > 0 and rate < own.decay
         for port in claim.ports
@@ -337,9 +335,9 @@ def _check_decay(claim: FrictionClaim) -> str:
 
 
 def _settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
-    """Return whether the displacement at every port is within the bound where V is at most its value in the end.
+    """Return whether the displacement at every port is within the bound for every V up to its final value.
 
-    |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
+    |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold at most (1 + 1/rho)/2 of Fs.
     """
     own = claim.settling
     assert own is not None
@@ -363,7 +361,7 @@ def _settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_m
 
 
 def _in_coordinates(form: _ExactSupply, claim: FrictionClaim) -> _ExactSupply:
-    """Return the inequality in the coordinates of the energy, exactly."""
+    """Return the inequality in the coordinates of the energy, without rounding."""
     V = to_rational_matrix(claim.V)
     n, size = V.nrows(), form.stored.nrows()
     if form.A.nrows() != n:
@@ -388,7 +386,7 @@ def _in_coordinates(form: _ExactSupply, claim: FrictionClaim) -> _ExactSupply:
 def _check_decrease(
     claim: FrictionClaim, loop: ExactLoop, *, form: _ExactSupply, energy: list[list[fmpq_mat]], deadline: float
 ) -> dict[str, str]:
-    """Return what is not proved about the decrease of the storage, and why."""
+    """Return each part of the decrease of the storage that is not proved, and why."""
     if not loop.spans:
         P = energy[0][0]
         held = len(energy) == 1 and positive_definite(-_flow_inequality(form, P, P - P))
@@ -400,7 +398,7 @@ def _check_decrease(
     for span, first, last in zip(loop.spans, starts, starts[1:], strict=False):
         rate = 3 * (last - first) / span
         if any(b[3] != after[0] for b, after in pairwise(energy[first:last])):
-            return {_PARTS[1]: "it jumps where nothing happens"}
+            return {_PARTS[1]: "it jumps between two intervals of one span"}
         for b in energy[first:last]:
             s0, s1, s2 = ((b[k + 1] - b[k]) * rate for k in range(3))
             third = fmpq(1, 3)
@@ -441,7 +439,7 @@ def _flow_inequality(form: _ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_m
 
 
 def _full_storage(stored: fmpq_mat, P: fmpq_mat) -> fmpq_mat:
-    """Return the whole storage, a form in the states and in the forces at rest."""
+    """Return the whole storage: a form in the states and in the forces at rest."""
     rows = stored.tolist()
     for i, row in enumerate(P.tolist()):
         for j, x in enumerate(row):

@@ -1,6 +1,6 @@
 """Proofs that a loop with friction comes to rest, for every friction of a class.
 
-certify             weights of the filters, a judged certificate, and the claim it makes
+certify             multiplier weights, a judged certificate, and its claim
 dissipation         the dissipation inequality of the multipliers, in states that come to rest
 multipliers         weights of filters on the friction, by a linear program
 ports               friction at several places: weights of the filters at each, and a bound

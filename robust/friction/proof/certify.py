@@ -1,4 +1,4 @@
-"""Weights of the filters, a judged certificate, and the claim it makes, of a loop and a class of friction."""
+"""Multiplier weights, a judged certificate, and its claim, for a loop and a class of friction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.search.certificate import Certificate, failed_certificate
 
-# ---- From weights to a judged certificate for the friction of a class, up to the stiffest that is proved.
+# ---- From weights to a judged certificate for the friction of a class.
 
 _SUBJECT = "the stored energy falls"
 _SATURATED_SUBJECT = "the stored energy falls, the actuator saturated or not"
@@ -46,9 +46,9 @@ _N_POINTS = 300  # of the frequencies of a cone program
 
 
 class _FrictionCertificate(NamedTuple):
-    """Why the energy of a loop falls, or, in `reason`, what failed last.
+    """The numbers that prove that the energy of a loop falls; or the last failure, in `reason`.
 
-    numbers : weights of the filters, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
+    numbers : weights of the filters, one entry a port. A `FrictionClaim` needs them beside loop, class and energy.
     """
 
     reason: str
@@ -59,9 +59,9 @@ class _FrictionCertificate(NamedTuple):
 def certify_friction(
     loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts, reference: float
 ) -> _FrictionCertificate:
-    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
+    """Prove that the energy of the loop falls with every friction of the class; otherwise give the last failure.
 
-    reference : rate of the filter that the others of Maxwell slip are measured against [rad/s].
+    reference : rate of the reference filter of Maxwell slip, to which the other filters are compared [rad/s].
     """
     if isinstance(friction, AnyFriction) and friction.kind == "bristle":
         return _certify_bristle(loop, friction, reference)
@@ -85,7 +85,7 @@ def certify_friction(
 
 
 def _certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float) -> _FrictionCertificate:
-    """Search the multipliers of creeping bristles, and certify what they prove."""
+    """Search multipliers for creeping bristles, and certify them."""
     known = {"K0": friction.K0, "microdamping": friction.microdamping}
     omega = loop_frequencies(loop, _N_POINTS)
     response = mobility(loop, omega)
@@ -114,49 +114,50 @@ NOT_IN_CLASS = {
 
 @value
 class FrictionProof:
-    """What is proved of a loop around a machine with friction, for a whole class of friction laws.
+    """A proof, or its absence, for a loop around a machine with friction, for a whole class of friction laws.
 
     Fields
     ------
     verdict : FrictionVerdict
         "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
-        to rest, with integral action where it should. "refuted", said of the class and not of the machine: a named
-        member makes the loop unstable; yours may be another: the loop may hunt. "settles": not decided, but with every
-        friction of the class, of at most Fs, it stays within `settling_error` in the end. "not decided": none of them.
+        to rest, with integral action at its set point. "refuted": a named member of the class makes the loop unstable.
+        This concerns the class and not the machine: its friction may be another member. "settles": rest is not decided,
+        but with every friction of the class of at most Fs the position stays within `settling_error` in the end.
+        "not decided": none of these.
     claim, not_claimed, reason : str
-        What is proved, in one sentence; what is not; why the verdict is what it is.
+        What is proved, in one sentence; what is not proved; the reason for the verdict.
     machine : FrictionPlant
-        The linear part.
+        The linear plant.
     friction : AnyFriction or FrictionAtPorts
         The class.
     counterexample : tuple of (float, complex) or None
-        A spring, what never slips of a friction, in [N/m] (of several ports a tuple, one each), and the pole it puts
-        outside the stable region.
+        Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts outside the stable
+        region. For several ports: a tuple with one stiffness each.
     error_bound : float
-        How far from rest the position (of several ports each displacement there) stays in the end with any friction of
-        at most Fs [m]; nan where no Fs was given, the sliding loop is not stable, or its fastest mode is too fast for
-        its clock or its slowest one to follow.
+        Largest distance of the position from rest in the end with any friction of at most Fs [m] (for several ports: of
+        each displacement there). nan if no Fs was given, if the sliding loop is not stable, or if its modes are too
+        fast for its clock or too slow to compute.
     settling_error : float
-        How far from rest the position stays in the end with every friction of the class of at most Fs [m]: the smaller
-        of a bound of the class, which `certificate.verify()` proves over the rationals, and `error_bound`, which is in
-        floating point. nan where no Fs was given, the loop comes to rest, or there is none.
+        Largest distance of the position from rest in the end with every friction of the class of at most Fs [m]: the
+        smaller of a bound for the class, which `certificate.verify()` proves over the rationals, and `error_bound`,
+        which is computed in floating point. nan if no Fs was given, if the loop comes to rest, or if there is none.
     kick_sure : float
-        Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
-        given, the sliding loop is stable, or none was found.
+        Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no Fs was given, if the
+        sliding loop is stable, or if none was found.
     certificate : Certificate or None
-        What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
+        The judged certificate, if there is one; `certificate.verify()` proves it again over the rationals.
     saturation : float
-        Largest force of the actuator [N]; infinite where none was given.
+        Largest force of the actuator [N]; infinite if none was given.
     kick : float
-        Velocity at the friction port [m/s] of a kick on the machine at rest and relaxed, up to which it comes to rest
-        though its actuator saturates; infinite where it does from every state, zero where no kick is proved, nan where
-        nothing saturates. With it `verdict` is "proved", from every state, or "proved up to a kick", beyond which
-        nothing is said.
+        Largest proved initial velocity at the friction port [m/s]: from rest, with no force in the springs of the
+        friction, the machine comes to rest again although its actuator saturates. Infinite if it does so from every
+        state, zero if none is proved, nan without saturation. With saturation `verdict` is "proved" (from every state)
+        or "proved up to a kick" (nothing is claimed beyond it).
     kick_linear : float
-        The part of it up to which the actuator never saturates at all [m/s].
+        Initial velocity up to which the actuator does not saturate [m/s].
     share : float
-        What of the force that is asked for, less what holds the friction, the actuator may miss on the way; one where
-        it may miss all of it, zero where it never saturates.
+        Sector gain of the proof: the fraction of the commanded force, without the part that holds the friction, that
+        the actuator may fail to deliver. One if it may fail to deliver all of it, zero if it never saturates.
 
     References
     ----------
@@ -212,14 +213,14 @@ class FrictionProof:
 
     @property
     def units(self) -> MechanicalUnits:
-        """Units of its numbers."""
+        """Units of position, velocity, force, stiffness and damping."""
         return self.machine.units
 
 
 def certified_verdict(
     undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop
 ) -> FrictionProof:
-    """Return the proof of a loop that no spring of the class makes unstable, where there is one."""
+    """Return the proof, if one is found, of a loop that no spring of the class makes unstable."""
     machine, friction = undecided.machine, undecided.friction
     try:
         found = certify_friction(loop, friction, reference_rate(machine, loop))
@@ -235,7 +236,7 @@ def certified_verdict(
 def settling_verdict(
     undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop, forces: np.ndarray
 ) -> FrictionProof:
-    """Return the proof that the position has a bound: over the rationals, else that of any friction up to `forces`.
+    """Return a proof of a bound on the position: over the rationals, or else `error_bound` for any friction.
 
     forces : (P,) the largest friction force at each port.
     """
@@ -257,7 +258,7 @@ def settling_verdict(
     moved = np.abs(loop.displacements @ still) + np.abs(loop.displacements) @ off
     held = moved @ ((1 + 1 / ratios) / 2 * forces)
     for one in proposed:
-        # a bound of zero is no claim, and a rest of zero with a stiction of one
+        # a bound of zero, for a rest of zero and a stiction of one, could not be claimed
         error = max(float((one.reach * most + held).max()) * _SETTLING_ROUNDED_UP, 1e-300)
         numbers = tuple(Multipliers(rates=one.rates, weights=own, free=0.0) for own in one.weights)
         own_settling = Settling(
@@ -273,7 +274,7 @@ def settling_verdict(
 
 
 def certificate_of(claim: FrictionClaim) -> Certificate:
-    """Return the certificate of a claim that was judged: that the energy falls, or within what the loop settles."""
+    """Return the certificate of a judged claim: that the energy falls, or that the position settles within a bound."""
     settling, subject = claim.settling, _SUBJECT if claim.actuator is None else _SATURATED_SUBJECT
     return Certificate(
         subject=subject if settling is None else _SETTLING_SUBJECT,
@@ -296,7 +297,7 @@ def build_claim(
     numbers: tuple[Multipliers, ...],
     stored: JudgedStorage | SettlingNumbers,
 ) -> FrictionClaim:
-    """Return the claim of the certificate, with every number as given; `numbers` are one a port."""
+    """Return the claim of the certificate with all its numbers; `numbers` has one entry a port."""
     classes = friction.ports if isinstance(friction, FrictionAtPorts) else (friction,)
     first, *others = (
         PortClass(
@@ -340,7 +341,7 @@ def plant_matrices(machine: FrictionPlant) -> Matrices:
 
 
 def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
-    """[rad/s] of the filter that the others are measured against: 1.5 times the resonance, or a pole of the loop."""
+    """Return the rate [rad/s] of the reference filter: 1.5 times the resonance, or the median rate of the loop."""
     if machine.resonance:
         return 1.5 * machine.resonance
     poles = loop.poles()
@@ -352,7 +353,7 @@ def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
 def describe_scope(
     machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, *, K: control.StateSpace, delay: float
 ) -> str:
-    """State for which friction, machine and sampling time a claim holds."""
+    """Describe friction, machine and sampling time for which a claim holds."""
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
     late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""

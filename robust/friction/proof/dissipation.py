@@ -5,11 +5,11 @@ The reference filter fh_1 follows the friction f. With d = f - fh_1 as input, xi
     z = (y, e_j),   y = xi - fh_1 xi_e,   e_j = fh_j - fh_1 (j >= 2)
     y' = F y + (B - a_1 xi_e) d,   e_j' = -a_j e_j + (a_j - a_1) d,   jump: J on y
 
-the class says  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a form, where
+the class guarantees  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a form, where
 
     Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho - (a_j/(rho K0)) (d - e_j)^2]
 
-and s = mu_0 + (1 - 1/rho) sum_j mu_j. This takes out the line of rests, on which nothing can be strict.
+and s = mu_0 + (1 - 1/rho) sum_j mu_j. These states remove the line of rests, on which no inequality can be strict.
 
 With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with X_pq the
 displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2 sum_pq fh_p s_p X_pq fh_q. It
@@ -24,15 +24,15 @@ from robust.friction.plant import FrictionLoop
 from robust.friction.proof.multipliers import Multipliers
 from robust.friction.proof.storage import Dissipation
 
-#: rho = 1 as it is taken, a larger class: at one itself the stored energy is not strictly positive. With integral
-#: action K0 (rho - 1) < k + K_p limits what is provable; 1.001 left a PID of 200 N/m undecided from K0 = 1e5 N/m on.
+#: rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly positive. With integral
+#: action K0 (rho - 1) < k + K_p limits the proof; 1.001 left a PID of 200 N/m undecided from K0 = 1e5 N/m on.
 ROUNDED_UP = 1 + 1e-6
 
 
 def maxwell_slip_dissipation(
     loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float | np.ndarray, rho: float | np.ndarray
 ) -> Dissipation:
-    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out.
+    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters of zero weight are left out.
 
     With P friction ports mu is (P, 1 + J), and K0 and rho are (P,).
     """
@@ -102,17 +102,16 @@ def maxwell_slip_dissipation(
 #
 #     y' = F_loop y - K0 xi_e gamma + sigma B q,   e_j' = -a_j e_j - K0 gamma,   jump: J on y
 #
-# and the class says d/dt [S - mu (F y_x + F^2 x_e/2)] <= Supply(z, gamma, q), where
+# and the class guarantees d/dt [S - mu (F y_x + F^2 x_e/2)] <= Supply(z, gamma, q), where
 #
 #     Supply = -mu K0 gamma y_x - sum nu_j (e_j q + (a_j/K0) e_j^2) + (v, q, gamma) M (v, q, gamma)'
 #
 # and S >= mu F^2/(2 K0) + sum nu_j e_j^2/(2 K0). With mu = 0 (a circle criterion for the slopes) the energy is a form
-# in
-# z alone: z and the inputs fall as an exponential, so that F = F(0) + int K0 gamma converges too.
+# in z alone: z and the inputs decay exponentially, so F = F(0) + int K0 gamma converges too.
 
 
 def bristle_dissipation(loop: FrictionLoop, weights: Multipliers, *, K0: float, microdamping: float) -> Dissipation:
-    """Return the inequality for a loop with weights of its forms."""
+    """Return the inequality for a loop with the weights of its forms."""
     a, nu, mu, M = weights.rates, weights.weights, weights.free, weights.block
     n, extra = loop.F.shape[0], weights.rates.size
     size = n + extra
@@ -134,7 +133,7 @@ def bristle_dissipation(loop: FrictionLoop, weights: Multipliers, *, K0: float, 
     stored[size, size] = mu / (2 * K0) - mu / 2 * float(loop.x @ rest)
     stored_error = np.zeros_like(stored)
     stored_error[size, size] = mu / 2 * float(np.abs(loop.x) @ offset)
-    kept = size + (mu > 0)  # without mu nothing of F is stored: z falls as an exponential, and F comes to rest with it
+    kept = size + (mu > 0)  # for mu = 0 no energy of F is stored: z decays exponentially, and F converges with it
     B_error = np.zeros_like(B)
     B_error[:n, 0] = K0 * offset
     return Dissipation(

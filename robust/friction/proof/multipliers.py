@@ -1,11 +1,11 @@
-"""Weights of the filters that say most about a friction, by a linear program over the frequencies.
+"""Multiplier weights for a class of friction, by a linear program over the frequencies.
 
 For every Maxwell-slip friction of the class, f driven by the velocity v of its port, and every filter a_j,
 
     int (f - fh_j/rho) v - fh_j'^2/(rho a_j K0) dt >= -S(0),    fh_j' = a_j (f - fh_j).
 
-A row is what the loop, v = mobility f, makes of that integrand at one frequency: a sum of rows with weights mu_j >= 0
-that is negative at every frequency contradicts any motion that goes on. Nothing here is a proof.
+A row is this integrand in the loop, v = mobility f, at one frequency. If a sum of rows with weights mu_j >= 0 is
+negative at every frequency, it contradicts any motion that continues. Nothing here is a proof.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @value(copy=False)
 class Multipliers:
-    """Weights of the filters of a class of friction, and the block that only bristles have.
+    """Weights of the filters of a friction class, and the block of bristles.
 
     Fields
     ------
@@ -35,7 +35,7 @@ class Multipliers:
     free : float
         Weight of f v.
     block, bounds : (3, 3), (2,) ndarray
-        Of bristles, empty for Maxwell slip; see `FrictionClaim`.
+        For bristles, see `FrictionClaim`; empty for Maxwell slip.
     """
 
     rates: np.ndarray
@@ -46,21 +46,21 @@ class Multipliers:
 
 
 def used_multipliers(rates: np.ndarray, mu: np.ndarray) -> Multipliers:
-    """Return the multipliers of one port without the filters of no weight; mu (1 + J,) : that of f v, then one a rate.
+    """Return the multipliers of one port without the filters of zero weight; the first filter, the reference, stays.
 
-    The first filter, the reference, stays.
+    mu : (1 + J,) weight of f v, then one a rate.
     """
     used = np.append(True, mu[2:] > 0)
     return Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
 
 
 _N_FILTERS = 24
-#: Where filters are tried, one set after another [rad/s].
+#: Ranges in which filters are tried, one set after another [rad/s].
 _FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
 
 
 def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
-    """Sets of rates a_j [rad/s], each with the reference first; all below `fastest` = 1/bristle time."""
+    """Return sets of rates a_j [rad/s], each with the reference first; all are below `fastest` = 1/bristle time."""
     sets = []
     for low, high in _FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)
@@ -73,13 +73,13 @@ def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
 def multiplier_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
 ) -> np.ndarray:
-    """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
+    """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v, then one a filter."""
     filters, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     return (filters * mobility[:, None] - lost).real
 
 
 def _filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W, 1 + J) factors on the velocity and what is lost: of f v itself, then of each filter."""
+    """Return (W, 1 + J) factors on the velocity, and losses: of f v, then of each filter."""
     s = 1j * omega[:, None]
     factors = 1 - rates / (rho * (rates - s))
     lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
@@ -106,24 +106,24 @@ def port_terms(
 def friction_forms(
     f: np.ndarray, v: np.ndarray, *, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float
 ) -> list[np.ndarray]:
-    """Return (W, P, P), the hermitian form of each multiplier of a friction f at velocity v, linear forms (W, P)."""
+    """Return the (W, P, P) hermitian form of each multiplier; friction f and velocity v are linear forms (W, P)."""
     factors, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     own = hermitian_product(f, f)
     return [hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own for j in range(1 + rates.size)]
 
 
 _MAX_ROUNDS = 60
-_NEGLIGIBLE_WEIGHT = 1e-9  # of the largest weight: what is left out
-_NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
+_NEGLIGIBLE_WEIGHT = 1e-9  # relative to the largest weight; smaller weights become zero
+_NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this, relative to the diagonal, does not count as negative
 
 
 def negative_multipliers(
     table: np.ndarray, *, couplings: Sequence[float], least: float, balanced: np.ndarray | None = None
 ) -> np.ndarray | None:
-    """Return (C,) few multipliers >= 0 that make every hermitian matrix negative definite; None where none were found.
+    """Return few multipliers >= 0 (C,) that make every hermitian matrix negative definite; None if none are found.
 
-    couplings : the terms off the diagonal are enlarged by 1/coupling, the first of these with which any are found.
-    The others as of `_coupled_multipliers`.
+    couplings : the off-diagonal terms are enlarged by 1/coupling; the first coupling with multipliers is taken.
+    The other arguments are those of `_coupled_multipliers`.
     """
     tried = (_coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
     return next((theta for theta in tried if theta is not None), None)
@@ -132,14 +132,14 @@ def negative_multipliers(
 def _coupled_multipliers(
     table: np.ndarray, coupling: float, *, least: float, balanced: np.ndarray | None
 ) -> np.ndarray | None:
-    """Return (C,) multipliers for one enlargement of the terms off the diagonal, or None.
+    """Return (C,) multipliers for one enlargement of the off-diagonal terms, or None.
 
-    A matrix is negative where its form is, for every vector: a linear program over the vectors that were worst so far,
-    again and again until none is worse.
+    A matrix is negative if its form is, for every vector. A linear program over the worst vectors so far is solved
+    again until no vector is worse.
 
-    table : (W, C, P, P), the matrices of each multiplier at each frequency.
-    least : share of every row that has to be left.
-    balanced : (C, B) combinations of the multipliers that have to be zero.
+    table : (W, C, P, P) matrix of each multiplier at each frequency.
+    least : share of every row that must remain.
+    balanced : (C, B) combinations of the multipliers that must be zero.
     """
     n = table.shape[-1]
     table = np.where(np.eye(n, dtype=bool), table, table / coupling)
@@ -164,9 +164,9 @@ def _coupled_multipliers(
 
 
 def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """Return the (1 + J,) multipliers that make every row negative by the largest share of its largest entry.
+    """Return the (1 + J,) multipliers that make every row most negative relative to its largest entry, and that share.
 
-    And that share. balanced : (1 + J, B) combinations of them that have to be zero.
+    balanced : (1 + J, B) combinations of the multipliers that must be zero.
     """
     scaled = table / np.abs(table).max(axis=1, keepdims=True)
     columns = np.abs(scaled).max(axis=0)
@@ -191,26 +191,25 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
 
 # ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
 #
-# The bristle z bends with the velocity v less a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|; F is a hysteresis
-# of z
-# with slopes up to K0, f = F + sigma q. Quadratic forms of the unknowns gamma = F'/K0 and q, never negative over time:
+# The bristle z bends with the velocity v minus a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|; F is a hysteresis
+# of z with slopes up to K0, f = F + sigma q. These forms in gamma = F'/K0 and q have integrals bounded from below:
 #
 #     F v                                      with weight mu
 #     -e_j q - (a_j/K0) e_j^2                  with weights nu_j; e_j = Fh_j - F, Fh_j' = a_j (F - Fh_j)
 #     (v, q, gamma) M (v, q, gamma)'           q between (1 - rho) v and (1 + rho) v, gamma between 0 and q
 #
-# and the loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
+# The loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
 
 BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
-_MIN_SHARE = 1e-7  # share of a row that the solver has to leave
-_SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
-_NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
+_MIN_SHARE = 1e-7  # share of a row that the solver must leave
+_SOLVER_TOLERANCE = 1e-9  # of M, added in the direction that makes the form larger: the tolerance of the solver
+_NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # relative to the largest weight; filters below are left out
 
 
 def bristle_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
-    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q) of F v, of each filter and of each entry of M."""
+    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q): of F v, of each filter and of each entry of M."""
     s = 1j * omega
     zero, one = np.zeros_like(s), np.ones_like(s)
     F, q, gamma = (np.stack(pair, axis=1) for pair in ((K0 / s, zero), (zero, one), (one, zero)))
@@ -225,17 +224,16 @@ def bristle_terms(
 
 
 def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return (W, P, P), the form Re(conj(x) y) of two linear forms (W, P)."""
+    """Return the (W, P, P) form Re(conj(x) y) of two linear forms (W, P)."""
     full = np.conj(x)[:, :, None] * y[:, None, :]
     return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 
 
 def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Multipliers | None:
-    """Return multipliers that make every matrix negative by the largest share of its entries.
+    """Return multipliers that make every matrix most negative relative to its entries; None if there are none.
 
-    None where there are none.
-
-    Asked once more with the filters alone that matter: a solver that walks through the interior leaves none at zero.
+    The program is solved twice, the second time with the filters of large weight only: an interior-point solver leaves
+    none at zero.
     """
     theta = _solve_multipliers(table, rho)
     if theta is None:
@@ -259,16 +257,13 @@ def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Mul
 
 
 def _term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W, 2) units of gamma and q at each frequency.
-
-    And (C,) sizes of each form over all of them in these units.
-    """
+    """Return (W, 2) units of gamma and q at each frequency, and (C,) the largest size of each form in these units."""
     unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
     return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
 
 
 def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
-    """Return the (C,) multipliers that the cone solver finds, relative to the sizes of the forms."""
+    """Return (C,) the multipliers of the cone solver, relative to the sizes of the forms; None if they fail."""
     import cvxpy as cp
 
     unit, scale = _term_sizes(table)
@@ -307,7 +302,7 @@ def _sector_form(rho: float) -> tuple[float, float, float]:
 
 
 def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
-    """Enlarge M by the tolerance of the solver, so that its form is never negative where q and gamma can be."""
+    """Enlarge M by the tolerance of the solver, so that its form is nonnegative for all possible q and gamma."""
     M = np.array(entries)
     M[5] = min(M[5], 0.0)
     bounds, left = np.zeros(2), 0.0
@@ -322,11 +317,11 @@ def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
-    """Return the largest multiple of the sector below a form in (v, q), and how far below it still is."""
+    """Return the largest multiple of the sector form below a form in (v, q), and the deficit that remains."""
 
     def below(multiple: float) -> float:
         p, cross, r = (x - multiple * y for x, y in zip(form, _sector_form(rho), strict=True))
-        return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # less the least eigenvalue, a convex function
+        return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # minus the least eigenvalue, a convex function
 
     top = 1.0 + 8 * np.abs(form).max()
     found = minimize_scalar(below, bounds=(0.0, top), method="bounded", options={"xatol": 1e-12 * top})

@@ -1,4 +1,4 @@
-"""Friction at several places of a machine, as on motor and load: its classes, weights of their filters, a bound."""
+"""Friction at several places of a machine, as on motor and load: its classes, multiplier weights and a bound."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_
 from robust.friction.proof.dissipation import ROUNDED_UP
 from robust.friction.proof.multipliers import negative_multipliers, port_terms
 
-#: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
+#: Coupling of the forces at two ports, relative to a definite matrix: slack for the aliases of the sampler.
 _COUPLINGS = (0.9, 0.99)
-_MIN_SHARE = 1e-9  # share of a row that has to be left
+_MIN_SHARE = 1e-9  # share of a row that must remain
 
 
 def friction_of_ports(
     machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts | Sequence[AnyFriction]
 ) -> AnyFriction | FrictionAtPorts:
-    """Return the class of one port, or of several together, or refuse another number of them."""
+    """Return the class of one port, or of several ports together; refuse a number that differs from the ports."""
     given = friction.ports if isinstance(friction, FrictionAtPorts) else friction
     given = tuple(given) if isinstance(given, Sequence) else (given,)
     for one in given:
@@ -38,7 +38,7 @@ def friction_of_ports(
 
 
 def largest_forces(machine: FrictionPlant, Fs: float | Sequence[float] | None) -> np.ndarray:
-    """Return the (P,) largest friction force of each port, nan where none was given, or refuse another number."""
+    """Return the (P,) largest friction force of each port, nan if none was given; refuse another number."""
     if Fs is None:
         return np.full(machine.n_ports, np.nan)
     given = np.atleast_1d(np.asarray(Fs, dtype=object))
@@ -48,10 +48,10 @@ def largest_forces(machine: FrictionPlant, Fs: float | Sequence[float] | None) -
 
 
 def coupling_of_rests(loop: FrictionLoop) -> tuple[str, bool]:
-    """Return why the rests of several ports are those of no energy, or whether it takes equal shares of the ports.
+    """Return the reason why no stored energy fits the rests of several ports; and whether it needs equal weights.
 
-    X_pq is the displacement at port p at rest under a friction of 1 N at port q: s_p X_pq has to be symmetric. With
-    integral action on the motor nothing of it is left but the stretch of each part beyond.
+    X_pq is the displacement at port p at rest under a friction of 1 N at port q: s_p X_pq must be symmetric. With
+    integral action on the motor, only the stretch of each part beyond the motor is left of X.
     """
     rest, offset = loop.rest()
     X, unsure = loop.displacements @ rest, np.abs(loop.displacements) @ offset
@@ -62,18 +62,18 @@ def coupling_of_rests(loop: FrictionLoop) -> tuple[str, bool]:
     if np.all(np.abs(X - X.T) <= 10 * (unsure + unsure.T)):
         return "", True
     return (
-        "where one port rests depends on the friction at another, and not the other way round, as with a position loop "
-        "on the encoder of the load: no stored energy is known for that"
+        "the rest of one port depends on the friction at another, and not the other way round, as with a position loop "
+        "on the encoder of the load: no stored energy is known for this case"
     ), False
 
 
 def weights_of_ports(
     response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: np.ndarray, rho: np.ndarray, balanced: bool
 ) -> np.ndarray | None:
-    """Return (P, 1 + J) weights of the filters at each port; None of none.
+    """Return (P, 1 + J) weights of the filters at each port; None if there are none.
 
     response : (W, P, P) velocity at each port over the friction at each.
-    balanced : whether s = mu_0 + (1 - 1/rho) sum_j mu_j has to be the same at all ports.
+    balanced : s = mu_0 + (1 - 1/rho) sum_j mu_j must be the same at all ports.
     """
     table = port_terms(response, omega, rates=rates, K0=K0, rho=rho)
     n_ports, n = rho.size, 1 + rates.size
@@ -89,17 +89,17 @@ def weights_of_ports(
     mu = theta.reshape(n_ports, n)
     if not (mu[:, 1:] > 0).any(axis=1).all():
         return None
-    if balanced:  # to rounding, and not to the tolerance of the program
+    if balanced:  # equal to rounding, not only to the tolerance of the program
         held = (shares * mu).sum(axis=1)
         mu[:, 0] += held.max() - held
     return mu
 
 
 def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float = 0.0) -> float:
-    """Return how far from rest any port stays in the end with any friction of at most these forces; nan of none.
+    """Return the largest distance of any port from rest in the end with any friction up to these forces; or nan.
 
-    Bristles with damping make the friction s + tau s' of a bounded s. By parts, s' acts as s does through F B in the
-    place of B, unless a sample sees B at once. The bound is convex in tau: it is largest at one end.
+    Bristles with damping make the friction s + tau s' with a bounded s. After integration by parts s' enters through
+    F B as s enters through B, unless a sample sees B at once. The bound is convex in tau, so it is largest at one end.
     """
     if not np.isfinite(forces).all() or not loop.growth() < 0:
         return np.nan

@@ -1,4 +1,4 @@
-"""A proof for a given linear part: with every friction of a class, from every state, the loop comes to rest."""
+"""A proof for a given linear plant: with every friction of a class, from every state, the loop comes to rest."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 #: Verdicts with a claim.
 _CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
-#: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
+#: A pole this close to the stability boundary, in 1/s or in |z|, is on it.
 _ROUNDING = 1e-9
 _NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 
@@ -55,37 +55,40 @@ def prove_friction(
     Fs: float | Sequence[float] | None = None,
     saturation: float | None = None,
 ) -> FrictionProof:
-    """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
+    """Prove that a loop comes to rest with every friction of a class, or refute it; sampler and hold are included.
 
+    Use this for a machine whose friction law is unknown and whose limits are known: see "What can be proved of a
+    machine with friction" in the guide. A proof names its class and its linear plant, and does not hold for others.
     Parameters
     ----------
     machine : FrictionPlant
-        The linear part, from `friction_plant`.
+        The linear plant, from `friction_plant` or `two_mass_plant`.
     K : control.StateSpace, TransferFunction or float
-        Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
+        Controller, u = K (r - y); sampled, or continuous and proper. It is used as given: nothing is cancelled.
     friction : AnyFriction, FrictionAtPorts or sequence of AnyFriction
-        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`. With friction at several ports of
-        the machine, as on motor and load, `any_maxwell_slip` of each.
+        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded` or `any_passive`. For a machine with several
+        friction ports, as on motor and load: one `any_maxwell_slip` for each port.
     delay : float
-        From sampling to the force changing [s]; any part of a sample, or several.
+        Delay from the sample to the change of the force [s]; a fraction of a sample, or several samples.
     Fs : float or sequence of float, optional
-        Largest friction force [N], of several ports one each: also says how far such a friction can hunt, or (of one
-        port) from which kick the loop runs away.
+        Largest friction force [N], one for each port. It adds `error_bound`, a distance from rest, and for one port
+        `kick_sure`, an initial velocity from which the loop diverges.
     saturation : float, optional
-        Largest force of the actuator [N], more than Fs, which must be given too: proves that the loop comes to rest
-        though its actuator saturates, or up to which kick. Of one port and `any_maxwell_slip`; of `any_bristle` only
-        how far the actuator never saturates. K is without anti-windup.
+        Largest force of the actuator [N]. It must exceed Fs, which must then be given. The proof is then for the loop
+        with a saturated actuator: from every state, or up to an initial velocity. For one port and `any_maxwell_slip`;
+        `any_bristle` gives only the velocity up to which the actuator does not saturate. K has no anti-windup.
 
     Returns
     -------
     FrictionProof
-        A numerical failure is "not decided", with its reason.
+        After a numerical failure the verdict is "not decided", with its reason.
 
     Raises
     ------
     ValueError
-        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller,
-        an `Fs` that is not that of `any_bounded`, an actuator of no more than Fs or with another class.
+        Not a friction plant, not a class of friction, a controller that is not proper, a delay with a continuous
+        controller, an `Fs` that differs from that of `any_bounded`, or a saturation of at most Fs or with another
+        class.
 
     References
     ----------
@@ -97,7 +100,7 @@ def prove_friction(
     >>> from robust.friction import any_maxwell_slip
     >>> from robust import friction_plant
     >>> rig = friction_plant(1.0, 80e3, 0.4)
-    >>> prove_friction(rig, 1e3, any_maxwell_slip(64e3)).verdict             # a spring more, and nothing else
+    >>> prove_friction(rig, 1e3, any_maxwell_slip(64e3)).verdict             # the controller is a spring
     'proved'
     >>> import control
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
@@ -162,7 +165,7 @@ def prove_all(
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
 ) -> tuple[FrictionProof, ...]:
-    """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
+    """Prove the loop for each machine; the weakest result comes first, because a claim must hold with each damping."""
     proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
     worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
@@ -171,7 +174,7 @@ def prove_all(
 def _bounds_of_bounded(
     machine: FrictionPlant, loop: FrictionLoop, forces: np.ndarray, friction: AnyFriction | FrictionAtPorts
 ) -> tuple[float, float]:
-    """Return the divergence velocity, of one port, and the steady error bound; nan where there is none."""
+    """Return the divergence velocity (for one port) and the steady error bound; nan if there is none."""
     kick = np.nan
     unstable = not loop.growth() < 0
     if machine.n_ports == 1 and np.isfinite(forces[0]) and unstable and machine.velocity @ machine.B_port > 0:
@@ -184,14 +187,12 @@ def _bounds_of_bounded(
 
 
 def _bounded_verdict(proof: FrictionProof, loop: FrictionLoop) -> FrictionProof:
-    """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
+    """Return "proved" if the bound is finite; else "not decided": on the stability boundary, or too long to compute."""
     if np.isfinite(proof.error_bound):
         return replace(proof, verdict=FrictionVerdict.PROVED)
     growth = loop.growth() + 0.0
     size = f"|z| = {_format_pole_modulus(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
-    what = (
-        "is on the stability boundary" if growth >= -_ROUNDING else "takes too long to follow, as far as its modes lie"
-    )
+    what = "is on the stability boundary" if growth >= -_ROUNDING else "has modes too far apart for the computation"
     return replace(
         proof,
         reason=f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
@@ -218,20 +219,20 @@ def _describe_counterexample(
 
 
 def _format_pole_modulus(size: float) -> str:
-    """Format the modulus of a pole with as many digits as tell it from one."""
+    """Format the modulus of a pole with enough digits to distinguish it from one."""
     digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
     return f"{size:.{digits}g}"
 
 
 def _describe_claim(proof: FrictionProof, scope: str, forces: np.ndarray) -> str:
-    """State what is proved in one sentence. scope : for which loop. forces : (P,) largest friction at each port."""
+    """State the claim in one sentence. scope : the loop it holds for. forces : (P,) largest friction at each port."""
     friction, units = proof.friction, proof.machine.units
     places = [f" at {name}" for name in friction.names] if isinstance(friction, FrictionAtPorts) else [""]
     most = " and ".join(f"{force:g} {units.force}{place}" for force, place in zip(forces, places, strict=True))
     if proof.verdict is FrictionVerdict.SETTLES:
         bound = f"{proof.settling_error:.3g} {units.position}"
         settles = f"Settles within {bound} of rest from every state {scope}, of at most {most}"
-        return f"{settles}. It may move within that for ever."
+        return f"{settles}. It may keep moving within this distance."
     if proof.verdict is FrictionVerdict.PROVED_LOCALLY:
         hit = f"a kick of at most {1e3 * proof.kick:.3g} m{units.velocity} at the friction port"
         rest = f"At rest and relaxed, comes to rest again after {hit}"

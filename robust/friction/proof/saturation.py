@@ -1,4 +1,4 @@
-"""What a proof with friction is worth where the actuator saturates: from every state, or up to a kick."""
+"""The friction proof with an actuator that saturates: from every state, or up to an initial velocity."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ from robust.lti.realisation import state_space
 if TYPE_CHECKING:
     import control
 
-# ---- How hard a kick a stored energy allows an actuator: it falls, and what is asked for is bounded by it.
+# ---- The initial velocity up to which an actuator suffices: the energy falls, and it bounds the commanded force.
 #
-# At rest and relaxed, a kick e v0 puts in v0^2 e'P e at most, at whatever instant. The force that is asked for is
-# asked'y + h, with h what holds the friction, and |asked'y| <= sqrt(c asked'E^-1 asked) where the energy E <= c.
+# At rest and relaxed, an initial velocity e v0 adds at most v0^2 e'P e of energy at any instant. The commanded force is
+# c'y + h, with h the force that holds the friction, and |c'y| <= sqrt(E c'M^-1 c) while the energy y'My is at most E.
 
 _ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
@@ -56,16 +56,16 @@ _ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 def _velocity_within_reach(machine: FrictionPlant, cut: _LureLoop, *, energy: JudgedStorage, reach: float) -> float:
     """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N].
 
-    Infinite where nothing is asked for, whatever the state.
+    It is infinite if the commanded force depends on no state.
     """
     if not cut.command_row.any():
         return np.inf
     size, n, m = energy.V.shape[0], machine.A.shape[0], cut.command_row.size
     hit, read = np.zeros(size), np.zeros(energy.stored.shape[0])
-    hit[:n] = machine.B_port / (machine.velocity @ machine.B_port)  # the state change of 1 m/s
+    hit[:n] = machine.B_port / (machine.velocity @ machine.B_port)  # change of the state for 1 m/s
     read[:size] = energy.V[:m].T @ cut.command_row
     whole = energy.stored.copy()
-    whole[:size, :size] += energy.P[-1, -1]  # just before a sample, where the force is asked for
+    whole[:size, :size] += energy.P[-1, -1]  # just before a sample, when the force is commanded
     unit = 1 / np.sqrt(np.diag(whole))
     peak_command = (unit * read) @ np.linalg.solve(whole * np.outer(unit, unit), unit * read)
     start = np.linalg.solve(energy.V, hit)
@@ -73,30 +73,27 @@ def _velocity_within_reach(machine: FrictionPlant, cut: _LureLoop, *, energy: Ju
     return float(_ROUNDED_DOWN * reach / np.sqrt(peak_command * put_in))
 
 
-# ---- The loop cut open at an actuator that saturates: what it is asked for, and where what it does not give is
-# missing.
+# ---- The loop opened at an actuator that saturates: the commanded force, and the input of the saturation deficit.
 #
-# The actuator gives u = sat(asked) and misses w = asked - u, so that y+ = J y - enters w at a sample (y' = F y -
-# enters w
-# where the controller is continuous). Beside the state of the sliding loop stand filters of the force it gives, which
-# the
-# proof reads and the machine never sees: u_j+ = u_j + phi_j (u - u_j), or u_j' = phi_j (u - u_j).
+# The actuator delivers u = sat(command). The deficit is w = command - u, so that y+ = J y - input_column w at a sample
+# (y' = F y - input_column w for a continuous controller). Filters of the delivered force extend the state of the loop:
+# u_j+ = u_j + phi_j (u - u_j), or u_j' = phi_j (u - u_j). The proof uses them; the machine does not contain them.
 
 
 @value
 class _LureLoop:
-    """A sliding loop with its actuator cut open, and filters beside it.
+    """A sliding loop opened at its actuator (a Lur'e system), with the filters of the delivered force.
 
     Fields
     ------
     loop : FrictionLoop
-        With the filters as its last states.
+        The filters are its last states.
     command_row : (n,) ndarray
-        The force that is asked for, of the state before a sample.
+        Commanded force, as a row on the state before a sample.
     input_column : (n,) ndarray
-        Where what is missed is taken off: at a sample, or of the flow.
+        Column through which the saturation deficit enters with a minus sign: at a sample, or in the flow.
     forgets : (J,) ndarray
-        How fast the filters forget: a share of each sample, or a rate [1/s].
+        Rates phi_j of the filters: a share of each sample, or [1/s].
     """
 
     loop: FrictionLoop
@@ -105,7 +102,7 @@ class _LureLoop:
     forgets: np.ndarray
 
     def open_growth(self) -> float:
-        """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
+        """Return the growth of the loop with its actuator off, which delivers nothing; negative for a stable loop."""
         missing = np.outer(self.input_column, self.command_row)
         if not self.loop.T:
             return replace(self.loop, F=self.loop.F - missing).growth()
@@ -116,11 +113,11 @@ class _LureLoop:
 def _open_at_actuator(
     machine: FrictionPlant, K: Controller, delay: float, forgets: np.ndarray | None = None
 ) -> _LureLoop:
-    """Open the loop u = -K y at its actuator, with filters that forget at the given rates.
+    """Open the loop u = -K y at its actuator, and add filters with the given rates.
 
     >>> from robust.friction.plant import friction_plant
     >>> cut = _open_at_actuator(friction_plant(1.0, 80e3, 0.4), 2e3, 0.0)
-    >>> (0 + cut.command_row).tolist(), cut.input_column.tolist()  # of displacement and velocity
+    >>> (0 + cut.command_row).tolist(), cut.input_column.tolist()  # on displacement and velocity
     ([-2000.0, 0.0], [0.0, 1.0])
     """
     K = state_space("K", K)
@@ -139,7 +136,7 @@ def _open_at_actuator(
     own = np.eye(forgets.size)
     F = block_diag(loop.F, 0 * own)
     jumps = np.array([block_diag(J, own) for J in loop.jumps]).reshape(-1, size, size)
-    rows = np.outer(forgets, command_row)  # of u = asked - w
+    rows = np.outer(forgets, command_row)  # of u = command - w
     rows[:, m:] -= np.diag(forgets)
     if loop.T:
         jumps[0][m:] += rows
@@ -150,22 +147,19 @@ def _open_at_actuator(
     return _LureLoop(loop=wider, command_row=command_row, input_column=input_column, forgets=forgets)
 
 
-# ---- The dissipation inequality of a friction of a class and an actuator that saturates, in states that come to rest.
+# ---- The dissipation inequality of a friction class with an actuator that saturates, in states that come to rest.
 #
-# To the inequality of the friction comes, with y the state less where it rests, u - h = asked'y - w and weights theta,
+# With y the state minus its rest, u - h = c'y - w and weights theta, the inequality of the friction gains the term
 #
-#     theta_0 w (share asked'y - w) + sum theta_j w (asked'y - w - u_j)
+#     theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j)
 #
-# at every sample, or in the flow with w as one input more: what an actuator never makes negative.
+# at every sample, or in the flow with w as one more input. An actuator never makes this term negative.
 
 
 def _with_saturation(
     form: Dissipation, cut: _LureLoop, *, share: float, sector: float, given: np.ndarray
 ) -> Dissipation:
-    """Add the dead zone to the dissipation inequality; form.
-
-    That of the friction, whose first states are those of the open loop.
-    """
+    """Add the dead zone to the dissipation inequality `form`, whose first states are those of the open loop."""
     n = form.A.shape[0]
     command_row, input_column = (np.pad(row, (0, n - row.size)) for row in (cut.command_row, cut.input_column))
     output_row = (share * sector + given.sum()) / 2 * command_row
@@ -186,28 +180,24 @@ def _with_saturation(
     )
 
 
-# ---- Weights for a friction of a class and an actuator that saturates, together, by linear programs over frequency.
+# ---- Weights for a friction class and an actuator that saturates, together, by linear programs over frequency.
 #
-# What the actuator misses, w = asked - u, obeys at every instant, for filters u_j of the force it gives,
+# The deficit w = command - u satisfies at every instant, for filters u_j of the delivered force,
 #
-#     w (share (asked - h) - w) >= 0    while (1 - share) |asked - h| is at most what the limit leaves over friction
-#     w (u - u_j)               >= 0    as a mean of the past never exceeds the limit
+#     w (share (command - h) - w) >= 0    while (1 - share) |command - h| is at most the limit minus the friction
+#     w (u - u_j)                 >= 0    because a mean of the past never exceeds the limit
 #
-# with h the force that holds the friction at rest. With those of the friction they make one hermitian matrix in (f, w)
-# a
-# frequency. Nothing here is a proof.
+# with h the force that holds the friction at rest. With the terms of the friction they make one hermitian matrix in
+# (f, w) at each frequency. Nothing here is a proof.
 
-_MIN_SHARE = 1e-9  # share of a row that has to be left
-_COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
+_MIN_SHARE = 1e-9  # share of a row that must remain
+_COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, relative to a definite matrix: slack for the aliases of the sampler
 
 
 def _saturation_terms(
     cut: _LureLoop, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
 ) -> np.ndarray:
-    """Return (W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w).
-
-    Friction, its filters, sector, filters of the actuator.
-    """
+    """Return (W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w): friction, its filters, sector, actuator filters."""
     loop, s = cut.loop, 1j * omega
     none = np.zeros(loop.B.size)
     by_f, before_f = driven_states(loop, omega, flow=loop.B, struck=none)
@@ -227,20 +217,20 @@ def _saturation_terms(
     return np.stack(columns, axis=1)
 
 
-# ---- How far a machine is proved with an actuator that saturates: shares it may miss, tried one after another.
+# ---- The largest region that is proved with an actuator that saturates: sector gains tried one after another.
 
 _N_POINTS = 200
 _N_SETS = 2  # of filters of the friction
 _FILTER_SHARES = np.geomspace(1e-3, 1.0, 10)  # of a sample
-_FILTER_RATES = np.geomspace(1e-2, 30.0, 10)  # over the reference, where nothing is sampled
-#: What of asked - h an actuator may miss, at most: the larger, the further it reaches, and the harder to prove.
+_FILTER_RATES = np.geomspace(1e-2, 30.0, 10)  # relative to the reference, for a continuous controller
+#: Share of command - h that an actuator may fail to deliver: a larger one gives a larger region and a harder proof.
 _SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
-_MAX_FAILURES = 2  # in a row, after which larger shares are left
+_MAX_FAILURES = 2  # in a row, after which larger sector gains are not tried
 
 
 @value(copy=False)
 class _RegionOfAttraction:
-    """A kick that is proved, and the numbers it is proved with.
+    """A proved initial velocity, and the numbers of its proof.
 
     Fields
     ------
@@ -258,7 +248,7 @@ class _RegionOfAttraction:
 def _largest_region(
     machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, known: Actuator, left: float
 ) -> _RegionOfAttraction | None:
-    """Return the largest region of attraction that was found. left : limit less friction [N]."""
+    """Return the largest region of attraction that is found; None if none is. left : limit minus friction [N]."""
     cut = _open_at_actuator(machine, K, delay)
 
     def region(share: float) -> _RegionOfAttraction | None:
@@ -306,7 +296,7 @@ def _region_for_sector(
         form = _with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
-            kick = 0.0  # of no meaning where it is proved from every state
+            kick = 0.0  # meaningless for a proof from every state
             if known.share < 1:
                 kick = _velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
             return _RegionOfAttraction(
@@ -327,7 +317,7 @@ _NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 def limits_of_force(
     machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, forces: np.ndarray, saturation: float
 ) -> Actuator:
-    """Return the actuator of a claim before anything of it is known, or refuse what no proof is made for."""
+    """Return the actuator of a claim before its proof, or refuse a class or a force that has no proof."""
     require_one_port(machine)
     if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
@@ -340,7 +330,7 @@ def limits_of_force(
 
 
 def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, known: Actuator) -> FrictionProof:
-    """Return what is found with the actuator, from what is without."""
+    """Return the proof with the actuator, made from the proof without it."""
     machine, friction = plain.machine, plain.friction
     assert isinstance(friction, AnyFriction)
 
@@ -388,12 +378,12 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
 
 
 def _describe_why_local(cut: _LureLoop, friction: AnyFriction) -> str:
-    """Say why it is not proved from every state."""
+    """Give the reason why rest is not proved from every state."""
     if friction.kind != "Maxwell slip":
-        return f"From every state: not tried for a {friction.kind}; the kick is one that never saturates the actuator."
+        return f"From every state: not tried for a {friction.kind}; up to this kick the actuator does not saturate."
     if cut.open_growth() < 0:
-        return "From every state: no weights were found for all that an actuator may miss."
+        return "From every state: no weights were found for an actuator that may fail to deliver all of its force."
     return (
-        "From every state: not to be had by a quadratic energy. With the actuator at its limit the loop is open and "
+        "From every state: a quadratic energy cannot prove it. With the actuator at its limit the loop is open and "
         "does not come to rest by itself (a controller that integrates without anti-windup, a machine without damping)."
     )

@@ -1,14 +1,15 @@
-"""How far from rest friction with stiction can keep a loop: the class with stiction 1, and a bounded rest.
+"""The largest distance from rest of a loop with stiction: the class with stiction 1, and a bounded rest force.
 
-The same elements with constant sliders, moved by the same motion, differ from a friction of the class by a rest r of at
-most (1 - 1/rho) Fs/2. Their own friction g makes the loop contract: with the states z of `dissipation` (rho = 1),
+The same elements with constant sliders, under the same motion, differ from a friction of the class by a force r of at
+most (1 - 1/rho) Fs/2, called the rest. Their own friction g makes the loop contract: with the states z of `dissipation`
+(rho = 1),
 
     d/dt V + 2 lambda V <= r^2,      V = z'P(t) z + sum_j mu_j sum_i (g_i - gh_ij)^2/(2 k_i),
 
-so that V <= (rest)^2/(2 lambda) in the end, and the position is within the ellipsoid of that. P(t), the weights and the
+so that V <= (rest)^2/(2 lambda) in the end, and the position lies in the ellipsoid of that V. P(t), the weights and the
 bound come from one semidefinite program for each rate lambda; the derivation is T7 of the page on the theory. With
-friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2 with sum_p w_p = 1 and R_p the largest rest at port p.
-The solver only proposes: `verify_friction` judges what it found over the rationals.
+friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2, with sum_p w_p = 1 and R_p the largest rest at port p.
+The solver only proposes: `verify_friction` judges its numbers over the rationals.
 """
 
 from __future__ import annotations
@@ -27,37 +28,37 @@ from robust.proofs.search.programs import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-#: Filters of one port; eight made the bound at most 6 % smaller than five on three axes, at twice the time. Of each of
-#: several ports fewer, as the program grows with their number.
+#: Filters of one port: eight made the bound at most 6 % smaller than five on three axes, at twice the time. Several
+#: ports have fewer each, because the program grows with their number.
 _N_FILTERS, _N_FILTERS_OF_SEVERAL = 6, 4
-#: Fastest filter, times the rate that the others are placed by.
+#: Fastest filter, as a multiple of the reference rate.
 _FASTEST = 40.0
-#: Rates of decay that are tried, of the slowest mode of the loop, sliding or stuck.
+#: Rates of decay that are tried, relative to the slowest mode of the loop, sliding or stuck.
 _DECAYS = (0.9, 0.6, 0.3)
-#: What the program has to leave in its scaled matrices, so that its solution is strict.
+#: Margin that the program must leave in its scaled matrices, so that its solution is strict.
 _STRICT = 1e-7
-#: Of the bound: what makes up for rounding, judged afterwards.
+#: Factor on the bound for rounding; the bound is judged afterwards.
 _ROUNDED_UP = 1 + 1e-6
 
 
 @value(copy=False)
 class SettlingNumbers:
-    """Why a loop settles: rates and weights of the filters, the storage, its rate of decay.
+    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate of decay.
 
     Fields
     ------
     rates : (J,) ndarray
-        [rad/s], the reference first.
+        Rates of the filters [rad/s], the reference first.
     weights : (P, J) ndarray
-        mu_j of each port.
+        Weights mu_j of each port.
     rest_weights : (P,) ndarray
-        w_p of the rests.
+        Weights w_p of the rests.
     decay : float
-        lambda [1/s].
+        Rate lambda [1/s].
     V, P, counts : (n, n), (I, 4, n, n), (S,) ndarray
-        Coordinates, Bernstein coefficients of the storage, intervals of each span.
+        Coordinates, Bernstein coefficients of the storage, number of intervals in each span.
     reach : (P,) ndarray
-        Largest displacement at each port [m] where the largest rest is 1 N, the rest position left out.
+        Largest displacement at each port [m] for a largest rest of 1 N, without the rest position.
     """
 
     rates: np.ndarray
@@ -71,7 +72,9 @@ class SettlingNumbers:
 
 
 def largest_rest(Fs: float, stiction: float) -> float:
-    """Return how far a friction with stiction is from the one of the same elements with constant sliders [N].
+    """Return the largest difference of a friction with stiction from that of the same elements with constant sliders.
+
+    The difference is a force [N].
 
     >>> largest_rest(6.0, 1.5)
     1.0
@@ -80,10 +83,10 @@ def largest_rest(Fs: float, stiction: float) -> float:
 
 
 def settling_numbers(loop: FrictionLoop, K0: np.ndarray, reference: float, rests: np.ndarray) -> list[SettlingNumbers]:
-    """Return what was found, the smallest reach first; empty where nothing was.
+    """Return the numbers of all proofs found, the smallest reach first; an empty list if there are none.
 
-    K0, rests : (P,) of the class at each port, and the largest rest there over the largest of all.
-    reference : rate [rad/s] that the filters are placed by.
+    K0, rests : (P,) stiffness of the class at each port, and largest rest there relative to the largest of all.
+    reference : rate [rad/s] for the choice of the filters.
     """
     slowest = min(_slowest_decay(loop, share * K0) for share in (0.0, 0.25, 1.0))
     if not slowest > 0:
@@ -105,9 +108,9 @@ def _slowest_decay(loop: FrictionLoop, kappa: np.ndarray) -> float:
 def _filter_forms(
     V: np.ndarray, v: np.ndarray, unit: np.ndarray, *, K0: np.ndarray, rates: np.ndarray, decay: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (P J, n + P, n + P) supply and store of every filter, port by port, as forms of states and friction.
+    """Return (P J, n + P, n + P) supply and storage of every filter, port by port, as forms in states and friction.
 
-    V, v : coordinates, and velocities at the ports in them. unit : of the friction at each port.
+    V, v : coordinates, and velocities at the ports in them. unit : unit of the friction at each port.
     """
     n, n_ports, extra = V.shape[0], K0.size, rates.size - 1
     first = n - n_ports * extra  # of the filters
@@ -125,7 +128,7 @@ def _filter_forms(
 
 
 def _slopes_of_cubic(b: list[cvxpy.Variable], span: float) -> list[cvxpy.Expression]:
-    """Return the Bernstein coefficients, as of a cubic, of the derivative of a cubic over a span [s]."""
+    """Return the derivative of a cubic over a span [s], as Bernstein coefficients of a cubic."""
     s0, s1, s2 = (3 / span * (after - before) for before, after in pairwise(b))
     return [s0, (s0 + 2 * s1) / 3, (2 * s1 + s2) / 3, s2]
 
@@ -133,7 +136,7 @@ def _slopes_of_cubic(b: list[cvxpy.Variable], span: float) -> list[cvxpy.Express
 def _settle_at_rate(
     loop: FrictionLoop, K0: np.ndarray, *, rates: np.ndarray, rests: np.ndarray, decay: float
 ) -> SettlingNumbers | None:
-    """Return the least reach with one rate of decay, or None where the program finds none."""
+    """Return the smallest reach for one rate of decay, or None if the program finds none."""
     import cvxpy as cp
 
     A, B, jumps, x, v = _with_filters(loop, rates, rests)
@@ -177,7 +180,7 @@ def _settle_at_rate(
         corner = cp.reshape(reach, (1, 1), order="F")
         return [cp.bmat([[energy, row[:, None]], [row[None], corner]]) >> 0 for row in positions]
 
-    # a continuous loop has no spans, and a storage that is constant
+    # a continuous loop has no spans, and its storage is constant
     storage = [
         [cp.Variable((n, n), symmetric=True) for _ in range(4 if loop.T else 1)] for _ in range(max(1, loop.spans.size))
     ]
@@ -197,9 +200,9 @@ def _settle_at_rate(
     squared = np.einsum("eip,pi->ep", solved, positions).max(axis=0)
     if not (squared > 0).all():
         return None
-    factor = unit[n_ports] ** 2  # the program had the rest in a unit of its own
+    factor = unit[n_ports] ** 2  # the program has its own unit for the rest
     given = np.maximum(shares.value, 0.0)
-    given /= given.sum() * (1.0 if n_ports == 1 else _ROUNDED_UP)  # exactly one together, at most
+    given /= given.sum() * (1.0 if n_ports == 1 else _ROUNDED_UP)  # their sum is at most one, exactly
     return SettlingNumbers(
         rates=rates,
         weights=(factor * weights).reshape(n_ports, -1),

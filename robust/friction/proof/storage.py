@@ -1,4 +1,4 @@
-"""Slacks and intervals tried one after another, until a storage function is judged to prove its inequality."""
+"""Storage functions for dissipation inequalities: proposed by a Riccati equation, judged by Bernstein coefficients."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov, solve_di
 
 from nlfrf._base.values import value
 
-# ---- A flow with jumps, a supply that it cannot exceed, and what else of the stored energy there is.
+# ---- A flow with jumps, its supply rate, and the rest of the stored energy.
 
 
 @value
@@ -31,7 +31,7 @@ class Block:
 
 @value
 class Dissipation:
-    """A flow with jumps, a supply it cannot exceed, and what of the stored energy is not z'Pz.
+    """A flow with jumps, its supply rate, and the part of the stored energy beyond z'Pz.
 
     Fields
     ------
@@ -40,16 +40,16 @@ class Dissipation:
         Flow z' = A z + B d.
     spans : (S,) ndarray
     jumps : (S, n, n) ndarray
-        How long each flow lasts [s], and the jump before it; none where nothing is sampled.
+        Duration of each flow [s], and the jump before it; none for a continuous loop.
     Q, N, R : (n, n), (n, m), (m, m) ndarray
-        Supply z'Qz + 2 z'Nd + d'Rd.
+        Supply rate z'Qz + 2 z'Nd + d'Rd. The stored energy does not rise faster.
     stored : (n + E, n + E) ndarray
-        The rest of the stored energy, a form in z and E more (forces that rest).
+        The rest of the stored energy: a form in z and E more states (forces that rest).
     B_error : (n, m) ndarray
     stored_error : (n + E, n + E) ndarray
-        How far an entry may be off, because the rest xi_e is known to rounding only.
+        Error bound of each entry: the rest xi_e is known to rounding only.
     block : Block or None
-        What else acts at the first jump.
+        Nonlinearity at the first jump.
     """
 
     A: np.ndarray
@@ -67,12 +67,12 @@ class Dissipation:
 
 # ---- A storage function z'P(t)z for a flow with jumps: the stabilising solution of a periodic Riccati equation.
 #
-# Only a proposal: `bernstein` judges it. Back over a stretch of time a Riccati map is
+# It is only a proposal, judged below. Backwards over a stretch of time a Riccati map is
 #
 #     phi(W) = H + A'W (I - G W)^-1 A
 #
-# and the map of two stretches is one more (A, G, H). Its fixed point over a period comes from the stable subspace of a
-# symplectic pencil: iterations from zero fail where an integrator is slow.
+# and two stretches in sequence are one such map. Its fixed point over a period comes from the stable subspace of a
+# symplectic pencil: iterations from zero fail for slow integrators.
 
 _NEWTON_STEPS = 2
 
@@ -82,9 +82,9 @@ Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 def balancing_coordinates(
     A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None = None
 ) -> np.ndarray:
-    """Return (n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
+    """Return (n, n) V with z = V z~ in which the input reaches all states alike: a root of the closed-loop Gramian.
 
-    Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
+    The Gramian is summed over the ends of all spans: just after a delay the waiting and the held force are equal.
     """
     W = _gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
@@ -127,7 +127,7 @@ def _gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarr
 
 
 def _supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A_h, G, Q_h of the Riccati equation P' = -(A_h'P + P A_h + P G P + Q_h), the supply made larger by slack."""
+    """Return A_h, G, Q_h of P' = -(A_h'P + P A_h + P G P + Q_h), with slack added to the supply."""
     n, m = form.B.shape
     R = form.R + slack * np.eye(m)
     gain = np.linalg.solve(R, np.hstack([form.N.T, form.B.T]))
@@ -136,14 +136,13 @@ def _supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.
 
 
 def _join_stretches(first: Stretch, second: Stretch) -> Stretch:
-    """Compose two stretches of time into one."""
     (A1, G1, H1), (A2, G2, H2) = first, second
     M = np.linalg.inv(np.eye(A1.shape[0]) - G1 @ H2)
     return A2 @ M @ A1, G2 + A2 @ M @ G1 @ A2.T, H1 + A1.T @ H2 @ M @ A1
 
 
 def _jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
-    """Return the Riccati map back over a jump, with the block that acts there at its worst."""
+    """Return the Riccati map backwards over a jump, with the worst case of the block that acts there."""
     n = form.A.shape[0]
     jump, left = form.jumps[i], slack * np.eye(n)
     if i or form.block is None:
@@ -159,7 +158,7 @@ def _propagate_back(stretch: Stretch, W: np.ndarray) -> np.ndarray:
 
 
 def _flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
-    """Return the Riccati map back over a flow."""
+    """Return the Riccati map backwards over a flow."""
     n = hamiltonian.shape[0] // 2
     E = expm(-span * hamiltonian)
     A = np.linalg.inv(E[:n, :n])
@@ -167,14 +166,14 @@ def _flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
 
 
 def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
-    """Return (n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
+    """Return (n, n) P just after the jump that begins a period, or the constant P of a continuous loop; else None."""
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
     n = form.A.shape[0]
     A, G, Q = _supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
+        with np.errstate(over="ignore", invalid="ignore"):  # an overflow gives no storage function
             if not form.spans.size:
                 _, Z, count = schur(hamiltonian, sort="lhp")
                 return _solution_from_subspace(Z, n) if count == n else None
@@ -204,31 +203,30 @@ def _refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
 
 
 def _solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
-    """Return P = U2 U1^-1 of a subspace."""
+    """Return P = U2 U1^-1 of a subspace [U1; U2]."""
     P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T
     return (P + P.T) / 2 if np.isfinite(P).all() else None
 
 
-# ---- The judge: whether a storage function proves a dissipation inequality, in numbers put together here.
+# ---- The judge: does a storage function prove a dissipation inequality? Its matrices are assembled here again.
 #
 # On each interval of a period P is a cubic between nodes. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is then
-# a
-# cubic in time, a convex combination of its four Bernstein coefficients: where these are negative definite it holds at
-# every instant. Each matrix is judged by its eigenvalues, by more than the rounding in putting it together.
+# cubic in time: a convex combination of its four Bernstein coefficients. If these are negative definite it holds at
+# every instant. Each matrix is judged by its eigenvalues, with a margin above the rounding of its assembly.
 
 _EPS = np.finfo(float).eps
 
 
 @value(copy=False)
 class _BoundedForm:
-    """A dissipation inequality in coordinates z = V z~, with how far each matrix may be off, entry by entry.
+    """A dissipation inequality in coordinates z = V z~, with an error bound for each entry of its matrices.
 
     Fields
     ------
     form : Dissipation
-        In those coordinates; the inputs scaled so that the diagonal of R is minus one.
+        The inequality in those coordinates; the inputs are scaled so that the diagonal of R is minus one.
     off : Dissipation
-        How far each entry of it may be off.
+        Error bound of each entry.
     V : (n, n) ndarray
         The coordinates.
     """
@@ -240,18 +238,18 @@ class _BoundedForm:
 
 @value(copy=False)
 class JudgedStorage:
-    """A stored energy that was judged to prove its inequality, or is to be: coordinates z = V z~ and P in them.
+    """A storage function z'P(t)z in coordinates z = V z~, which is judged or to be judged.
 
     Fields
     ------
     V : (n, n) ndarray
     P : (I, 4, n, n) ndarray
-        Bernstein coefficients on each interval, neighbours in one span share their end; (1, 1, n, n) where nothing is
-        sampled.
+        Bernstein coefficients on each interval; neighbours in one span share their end. (1, 1, n, n) for a continuous
+        loop.
     counts : (S,) integer ndarray
-        Intervals of equal length in each span.
+        Number of intervals of equal length in each span.
     stored : (n + E, n + E) ndarray
-        What is stored besides, in these coordinates.
+        The rest of the stored energy in these coordinates.
     """
 
     V: np.ndarray
@@ -273,7 +271,7 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     k = (2 * n + 8) * _EPS
 
     def similar(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """V^-1 M V, and from what is left of V X = M V how far it may be off."""
+        """Return V^-1 M V, and its error bound from the residual of V X = M V."""
         X = back @ M @ V
         left = np.abs(V @ X - M @ V) + k * (aV @ np.abs(X) + np.abs(M) @ aV)
         return X, aback @ left
@@ -320,7 +318,7 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
 
 
 def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int) -> JudgedStorage:
-    """Cubics through the solution of the Riccati equation that begins with P, with its slopes; P of one flow."""
+    """Return cubics through the Riccati solution that begins with P, with its slopes; for one flow the constant P."""
     form = judged.form
     A, G, Q = _supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
@@ -344,15 +342,12 @@ def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_interv
         parts.append(cubics)
         later = node[0]
     found = np.concatenate(parts[::-1])
-    found = (found + np.swapaxes(found, -1, -2)) / 2  # to the bit
+    found = (found + np.swapaxes(found, -1, -2)) / 2  # symmetric to the last bit
     return JudgedStorage(V=judged.V, P=found, counts=counts, stored=form.stored)
 
 
 def _largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
-    """Return the largest scaled eigenvalue of symmetric matrices plus their rounding.
-
-    Below zero where all are negative.
-    """
+    """Return the largest scaled eigenvalue of symmetric matrices plus rounding; below zero if all are negative."""
     diagonal = -np.diagonal(matrices, axis1=-2, axis2=-1)
     if not np.isfinite(matrices).all() or not np.all(diagonal > 0):
         return float("inf")
@@ -386,15 +381,15 @@ def _flow_inequality(
 
 
 def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
-    """Empty if the storage function proves the inequality, the jumps and the energy; else what fails, and by how much.
+    """Return an empty text if the storage proves inequality, jumps and positivity; else the failure and its size.
 
-    The number is the largest scaled eigenvalue between samples where that fails, which finer intervals may mend, and
-    infinite where they will not.
+    The size is the largest scaled eigenvalue of a failure between samples, which finer intervals may remove. It is
+    infinite for any other failure.
     """
     counts, spans = (storage.counts, judged.form.spans) if storage.counts.size else (np.ones(1, dtype=int), np.ones(1))
     b, h = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:])), np.repeat(spans / counts, counts)
     h = h[:, None, None, None]
-    steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
+    steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; its degree is raised to that of a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
     slope, size = _raise_degree(steps), _raise_degree(sizes)
     worst = _largest_scaled_eigenvalue(*_flow_inequality(judged, b, slope=slope, slope_size=size))
@@ -413,7 +408,7 @@ def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, fl
 def _jump_inequality(
     judged: _BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
+    """Return the matrix of the energy gain at a jump, with the block as one more state, and its error bound."""
     jump, unsure, block, n = judged.form.jumps[i], judged.off.jumps[i], judged.form.block, before.shape[0]
     lost, loose = before, np.zeros_like(before)
     if i == 0 and block is not None and judged.off.block is not None:
@@ -452,11 +447,11 @@ METHOD = "periodic Riccati equation, Bernstein"
 SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
 _INTERVAL_COUNTS = (8, 32, 128)
 _MAX_INTERVALS = 512
-_NEAR_MISS = 1e-3  # a failure so small that the finest intervals are worth their time
+_NEAR_MISS = 1e-3  # for a failure this small the finest intervals are tried
 
 
 def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]:
-    """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
+    """Return an empty text and the storage function that is judged to prove the inequality; else the last failure."""
     judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
     nearest = _NEAR_MISS, 0.0, np.zeros(0)
@@ -469,7 +464,7 @@ def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]
             failure, worst = judge_storage(judged, storage)
             if not failure:
                 return "", storage
-            if np.isinf(worst) and n_intervals > _INTERVAL_COUNTS[0]:  # no solution of this slack: finer will not help
+            if np.isinf(worst) and n_intervals > _INTERVAL_COUNTS[0]:  # finer intervals will not help this slack
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest

@@ -1,4 +1,4 @@
-"""``FrictionClass``: machine and friction assumed for a proof, made of numbers that were read with their intervals."""
+"""``FrictionClass``: machine and friction assumed for a proof, made of estimates with their intervals."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from robust.friction.plant import FrictionPlant, require_one_port
 from robust.friction.units import format_plain
 
 ASSUMPTION_NOTE = (
-    "The levels support this class, they do not prove it: friction that creeps below break-away looks the same, what "
-    "sticks even at the highest level is read as a spring of the machine, what slips even at the lowest is not seen."
+    "The levels support this class, they do not prove it. Friction that creeps below break-away looks the same. An "
+    "element that sticks at all levels counts as a spring of the machine; one that slips at all levels is not seen."
 )
 
 
 @value
 class FrictionClass:
-    """A linear part and a class of friction, read from measured levels: an assumption, with what it was read from.
+    """A linear plant and a class of friction from measured levels: an assumption, with its evidence.
 
-    Of an axis that turns, N is Nm and m is rad; `machine` and `friction` know their unit.
+    For an axis that turns, read N as Nm and m as rad; `machine` and `friction` have their unit.
 
     Fields
     ------
     machines : tuple of FrictionPlant
-        Mass, and the least stiffness that the levels allow, with each damping that is to be proved: without any, and
-        around a nominal with that of its fit. A stiffer machine is in the class: the difference is a spring that does
-        not slip. A delay that was read is kept.
+        The machine with the lowest stiffness that the levels allow, for each damping of a proof: without damping, and
+        for a nominal also with that of its fit. A stiffer machine is in the class, because the difference is a spring
+        that does not slip. An estimated delay is kept.
     friction : AnyFriction or FrictionAtPorts
-        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin; of motor and load at both.
+        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin; for two masses at both.
     evidence : str
-        What it was read from, and what the data cannot show.
+        Source of the estimate, and what the data cannot show.
     mass, mass_std : float
-        What a force at the friction port feels, of motor and load together, and its standard deviation [kg].
+        Mass that a force at the friction port accelerates, of motor and load together, and its standard deviation [kg].
     stiffness_low : float
-        Stiffness of `machine` at its port [N/m]; with a nominal relative to it.
+        Stiffness of `machine` at its port [N/m]; relative to the nominal, if there is one.
     stiffness_std : float
-        Standard deviation of the stiffness that was read [N/m].
+        Standard deviation of the estimated stiffness [N/m].
 
     References
     ----------
@@ -68,7 +68,7 @@ class FrictionClass:
 
     @property
     def machine(self) -> FrictionPlant:
-        """The machine without damping."""
+        """Machine without damping."""
         return self.machines[0]
 
     def __str__(self) -> str:
@@ -77,20 +77,20 @@ class FrictionClass:
 
 @value
 class MachineRead:
-    """A machine and its friction as they were read, with the ends of their intervals.
+    """Estimates of a machine and its friction, with the ends of their intervals.
 
     Fields
     ------
     machines : tuple of FrictionPlant
-        The linear part, with each damping that is to be proved.
+        The linear plant, for each damping of a proof.
     mass, mass_std, stiffness_low, stiffness_std : float
-        As of `FrictionClass`.
+        As in `FrictionClass`.
     stiffness : float
-        Stiffness that was read [N/m], of which `stiffness_low` is the lower end.
+        Estimated stiffness [N/m]; `stiffness_low` is its lower end.
     K0, stiction : (P,) ndarray
-        Upper end of stiffness [N/m] and ratio of forces at each port; a ratio of nan was not seen.
+        Upper end of the stiffness [N/m] and of the ratio of forces at each port; nan for a ratio that was not seen.
     source, description, K0_note, stiction_note, misfit : str
-        From what it was read, the machine, of what K0 is a multiple, the ratio that was read, and what is left.
+        Phrases for the evidence: source, machine, meaning of K0, estimate of the ratio, and what is unexplained.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -109,9 +109,9 @@ class MachineRead:
 
 
 def assume_class(read: MachineRead, *, stiction: float, margin: float) -> FrictionClass:
-    """Return the class of what was read: a margin on the upper end of K0, and what the machine was lowered by.
+    """Return the class of an estimate: a margin on the upper end of K0, plus the reduction of the stiffness.
 
-    stiction : largest over smallest force of a slider; the upper end of what was read where that is more.
+    stiction : largest over smallest force of a slider; the upper end of the estimate is used if it is larger.
     """
     if require_real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
@@ -148,7 +148,7 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Fricti
 def machines_of(
     machine: FrictionPlant | FrictionClass, friction: AnyFriction | None
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
-    """Return the machines to prove, and the class; from a class read from levels both."""
+    """Return the machines to prove and the class; both come from a `FrictionClass` if one is given."""
     if isinstance(machine, FrictionClass) and friction is None:
         require_one_port(machine.machine)
         assert isinstance(machine.friction, AnyFriction)

@@ -1,28 +1,27 @@
-"""The balance of forces of a machine with friction along measured motions, and the search for what balances it.
+"""The balance of forces of a machine with friction along measured motions, and the search for a machine that fits it.
 
-The motion of every level is measured, and the force of a Maxwell element along a known motion is known but for its
-stiffness. So no candidate is simulated. At every line the balance of forces
+The motion of every level is measured. The force of a Maxwell element along a known motion is known up to its stiffness,
+so no candidate is simulated. At every line the balance of forces
 
     E U = (k - m w^2 + j c w) Y + sum_i k_i F_i,      E = exp(-j w tau) / (1 + j w T)
 
-is linear in m, c, k and the stiffnesses k_i. F_i is the spectrum of the force of an element of unit stiffness that
-breaks away at D_i, along the measured motion, with all harmonics of it. The break-away displacements, the stiction, the
-velocity of Stribeck, the delay tau and the lag T come from Gauss-Newton steps. Excited and detection lines count alike.
+is linear in m, c, k and the stiffnesses k_i. F_i is the spectrum, with all harmonics, of the force along the measured
+motion of an element of unit stiffness that breaks away at D_i. The break-away displacements, the stiction, the Stribeck
+velocity, the delay tau and the lag T come from Gauss-Newton steps. Excited and detection lines count equally.
 
-Distortion is no noise here: the elements distort along the measured motion as the friction of the machine did, so that
-no average over realisations has to remove it. What is left are noise and errors of the model, and the residual shows
-both. Standard deviations are the larger of those of noise, and of a jackknife over blocks of neighbouring lines, where
-errors of the model are alike.
+Distortion is not noise here: the elements distort along the measured motion as the friction of the machine did, so no
+average over realisations is needed. The residual shows noise and model errors. A standard deviation is the larger of
+that from noise, and of that from a jackknife over blocks of neighbouring lines, whose model errors are correlated.
 
-A load behind the motor adds its reaction N to the right, as one more element. The motion of the motor is measured, so
-the load is a mass m2 with elements of its own that is moved through a spring k and a damper c,
+A load behind the motor adds its reaction N on the right, as one more element. The motion of the motor is measured, so
+the load is a mass m2 with its own elements, moved through a spring k and a damper c,
 
     N = k (y - y2) + c (y' - y2') = m2 y2'' + c2 y2' + F2(y2),
 
-and the second period of a simulation from rest is N but for what has not died away (see `reaction_of_load`).
+and the second period of a simulation from rest is N, except for a decayed transient (see `reaction_of_load`).
 
-The loop may be closed: U is the force that was asked for, whoever asked. Noise of the position enters by the
-regressors; lines are weighted by their residual, and the motion is shrunk by what the periods disagree by.
+The loop may be open or closed: U is the commanded force, whatever commands it. Noise of the position enters through the
+regressors: lines are weighted by their residual, and the motion is shrunk by the disagreement of the periods.
 """
 
 from __future__ import annotations
@@ -39,41 +38,41 @@ import nlfrf
 from nlfrf._base.values import ArrayField, value
 from robust.lti.sampling import hold_correction
 
-#: Steps of the motion per sample of the record, as it turns and slips between samples: while elements are looked for,
-#: while other minima are looked for around the first, and for the numbers that count.
+#: Steps of the motion per sample of the record, because the motion reverses and slips between samples: for the search
+#: of elements, for the search of other minima around the first, and for the final numbers.
 COARSE, MEDIUM, FINE = 2, 4, 8
-#: Of these as many in a cycle of the highest line at most: more do not change where the search ends, nor the numbers.
+#: Largest number of these in a cycle of the highest line: more change neither the end of the search nor the numbers.
 STEPS_PER_CYCLE = 13.5
-#: By how much of the variance of noise the power of a motion is shrunk.
+#: Factor on the noise variance by which the power of a motion is shrunk.
 SHRINKAGE = 2.0
-#: Lines of a window over which a variance is smoothed, and of a block whose residuals may be alike.
+#: Lines of a window for the smoothing of a variance, and of a block whose residuals may be correlated.
 _WINDOW, _BLOCK = 31, 8
-#: Error of the model relative to the rms of the force on the lines of a level, as a floor of every weight.
+#: Model error relative to the rms of the force on the lines of a level; a floor of every weight.
 MODEL_ERROR = 0.002
-#: Error of every force along a motion that is known at samples only, relative. Five records of the linear motor without
-#: encoder and with small steps left 0.002 to 0.01 % of the force, and were off by 1.2 % of the damping, which is 0.01 %
-#: of the Coulomb friction over the velocity, by 0.02 % of the Coulomb friction and by 0.01 % of Fs.
+#: Relative error of every force along a motion that is known at samples only. Five records of the linear motor without
+#: encoder and with small steps left 0.002 to 0.01 % of the force. They were off by 1.2 % of the damping, which is 0.01
+#: % of the Coulomb friction over the velocity, by 0.02 % of the Coulomb friction and by 0.01 % of Fs.
 FORCE_ERROR = 1e-4
-#: Break-away displacements that are tried, per search for one more element.
+#: Number of break-away displacements that are tried in a search for one more element.
 _N_TRIED = 20
-#: Elements at most, and the F ratio that one more has to bring: chance brings over 20 in one search of a thousand
+#: Largest number of elements, and F ratio that one more must exceed: chance exceeds 20 in one search of a thousand
 #: (chi-square with two degrees of freedom, twenty trials).
 _MOST_ELEMENTS, WORTH = 8, 20.0
-#: Starts that are tried where the first leaves more than a share of the force (or of Fs) of a level, noise taken off:
-#: from a wrong stiction two random machines of seven ended with a strength that was 30 % off, and the linear motor
-#: under a soft drive with a viscous friction that drives it, at 0.8 %.
+#: Number of starts if the first leaves more than this share of the force (or of Fs) of a level beyond noise. From a
+#: wrong stiction two random machines of seven ended with a strength that was 30 % off, and the linear motor under a
+#: soft drive with a negative viscous friction, at 0.8 %.
 _N_STARTS, _EXPLAINED = 3, 0.005
-#: The same of two masses, at levels above half of Fs, where elements slip and a wrong minimum shows. A right fit of the
-#: belt left 0.2 %, of the ball screw 1.0 %; a wrong one of the joint, with Fs 16 % low, 1.5 %. Levels below have more
-#: by the step of the encoder, up to 1.7 %.
+#: The same for two masses, at levels above half of Fs, where elements slip and a wrong minimum shows. A right fit of
+#: the belt left 0.2 %, of the ball screw 1.0 %; a wrong fit of the joint, with Fs 16 % low, 1.5 %. Lower levels leave
+#: more, up to 1.7 %, because of the step of the encoder.
 EXPLAINED_BY_TWO = 0.012
-#: Share of the force (or of Fs), noise taken off, that Maxwell slip leaves of friction of another law from its first
-#: start on. Dahl, LuGre and exponential hysteresis leave 13 % and more from every start; of 37 sets of levels with
-#: Maxwell slip the worst leaves 9 % at first, and 0.1 % with one more element.
+#: Share of the force (or of Fs) beyond noise that Maxwell slip leaves of another friction law from its first start on.
+#: Dahl, LuGre and exponential hysteresis leave 13 % and more from every start; of 37 sets of levels with Maxwell slip
+#: the worst leaves 9 % at first, and 0.1 % with one more element.
 REFUTED = 0.1
-#: Share that one more element of two masses may leave, over that before: others explained only what was explained.
+#: Share of the previous residual that one more element of two masses may leave: others only fitted what was explained.
 _LEFT_BY_ONE_MORE = 0.9
-#: Passes of a search at most, and what one more, or one more parameter, has to gain in -2 log likelihood.
+#: Largest number of passes of a search, and gain in -2 log likelihood that justifies one more pass or parameter.
 _MOST_PASSES, _LEAST_GAIN = 6, 6.0
 #: Passes in which the weights follow the residual.
 N_PASSES = 3
@@ -81,18 +80,18 @@ N_PASSES = 3
 HALF_WIDTH = 1.96
 
 
-#: Units of a quantity, in terms of force F and length L, that have a name of their own.
+#: Units with a name of their own, for a quantity in terms of force F and length L.
 _NAMED = {("F s^2/L", "N", "m"): "kg", ("F s^2/L", "Nm", "rad"): "kg m^2"}
 
 
 def unit_of(quantity: str, units: tuple[str, str]) -> str:
-    """Unit of a quantity given in force F and length L, for the units of both."""
+    """Return the unit of a quantity in terms of force F and length L, for the units of both."""
     force, length = units
     made = quantity.replace("L", length).replace("F", force)
     return _NAMED.get((quantity, *units), made)
 
 
-#: Numbers with an interval, what they are called, their unit in terms of force F and length L, and the factor to it.
+#: Numbers with an interval: label, unit in terms of force F and length L, and factor to this unit.
 REPORTED = {
     "mass": ("mass m", "F s^2/L", 1.0),
     "damping": ("viscous friction c", "F s/L", 1.0),
@@ -113,7 +112,7 @@ REPORTED = {
 
 
 class NumbersRead:
-    """Numbers of a machine as they were read, by name, each with its standard deviation and unit."""
+    """Estimated numbers of a machine by name, each with its standard deviation and unit."""
 
     stds: dict[str, float]
     units: tuple[str, str]
@@ -125,13 +124,13 @@ class NumbersRead:
     coupling_damping: float
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a number, by its name."""
+        """Return the 95 % interval of a number by its name."""
         half = HALF_WIDTH * self.stds[name]
         return getattr(self, name) - half, getattr(self, name) + half
 
 
 def format_numbers(fit: NumbersRead) -> list[str]:
-    """A line for each number of a fit that has a standard deviation: its 95 % interval, or that it is left open."""
+    """Return a line for each number of a fit that has a standard deviation: its 95 % interval, or "left open"."""
     rows = []
     for name, (label, unit, factor) in REPORTED.items():
         std = fit.stds.get(name, 0.0)
@@ -145,7 +144,7 @@ def format_numbers(fit: NumbersRead) -> list[str]:
 
 
 def format_rounded(number: float, half: float) -> str:
-    """Return a number with one digit more than its error has, and no more than six.
+    """Return a number with one digit more than its error, but at most six digits.
 
     >>> format_rounded(6.322, 1000.0), format_rounded(2.00123, 0.001), format_rounded(19.9526, 0.04)
     ('0', '2.0012', '19.953')
@@ -155,24 +154,24 @@ def format_rounded(number: float, half: float) -> str:
 
 
 def units_of(record: nlfrf.Record) -> tuple[str, str]:
-    """Units of force and position of a record; N and m where it has none."""
+    """Return the units of force and position of a record; N and m if it has none."""
     return record.u_unit or "N", record.y_unit or "m"
 
 
 @value
 class Motion:
-    """What was measured at one level: the force and the position on the lines, and the motion in time.
+    """Measurement at one level: force and position on the lines, and the motion in time.
 
     Fields
     ------
     omega : (W,) ndarray
         Lines [rad/s].
     U, Y : (M, W) complex ndarray
-        Force, its hold included, and position.
+        Force, corrected for its hold, and position.
     noise : (M, W) ndarray
-        Variance of Y by noise.
+        Variance of Y due to noise.
     excited : (W,) ndarray of bool
-        Which of the lines are excited.
+        True for excited lines.
     x, v : (M, n) ndarray
         One period of the motion [m], [m/s].
     fs : float
@@ -180,7 +179,7 @@ class Motion:
     lines : (W,) int ndarray
         Numbers of the lines.
     centred : bool
-        Whether the elements begin in the middle of the swing, and not where the period begins (see `with_branches`).
+        True if the elements start in the middle of the swing, and not at the start of the period (see `with_branches`).
     """
 
     omega: np.ndarray
@@ -201,7 +200,7 @@ class Motion:
 
     @property
     def half_swing(self) -> float:
-        """Half of the way between the turns farthest apart [m]."""
+        """Half of the distance between the outermost turning points [m]."""
         return float(np.ptp(self.x, axis=1).max() / 2)
 
 
@@ -209,14 +208,14 @@ class Motion:
 #: velocity of Stribeck.
 LOAD = ("log_load_mass", "log_coupling", "log_coupling_damping", "load_damping", "load_log_excess", "load_log_vs")
 
-#: What of two masses is known in motion. Held in the first steps, as the weights of a start are wrong: with all let go
-#: at once two axes of eleven ended with a load 10 % too light.
+#: Numbers of two masses that are known from motion. They are held in the first steps, because the weights of a start
+#: are wrong: with all numbers free at once two axes of eleven ended with a load 10 % too light.
 KNOWN_IN_MOTION = ("mass", "delay", *LOAD[:3])
 
 
 @value
 class Terms:
-    """Which terms the balance has besides mass, damping and elements: spring, softening (w^4), lag, stiction, load."""
+    """Terms of the balance besides mass, damping and elements: spring, softening (w^4), lag, stiction, load."""
 
     spring: bool
     softening: bool = False
@@ -226,18 +225,18 @@ class Terms:
 
     @property
     def linear(self) -> tuple[str, ...]:
-        """Names of the terms of the motion."""
+        """Names of the terms that are linear in the motion."""
         return ("mass", "damping", *["stiffness"] * self.spring, *["softening"] * self.softening)
 
     @property
     def nonlinear(self) -> tuple[str, ...]:
-        """Names of the others, the elements left out."""
+        """Names of the other terms, without the elements."""
         stiction = ["log_excess", "log_vs"] * self.stiction
         return ("delay", *["lag_squared"] * self.lag, *stiction, *(LOAD if self.load else ()))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters, the elements left out."""
+        """Names of all parameters, without the elements."""
         return (*self.linear, *self.nonlinear)
 
 
@@ -263,12 +262,12 @@ class Candidate:
 
     @property
     def vs(self) -> float:
-        """Velocity of Stribeck [m/s]."""
+        """Stribeck velocity [m/s]."""
         return float(np.exp(self.numbers["log_vs"])) if self.terms.stiction else np.inf
 
     @property
     def load_sliders(self) -> nlfrf.friction.VaryingSliders | None:
-        """Friction of the load."""
+        """Friction of the load as a law; None without elements at the load."""
         if not np.size(self.load_stiffness):
             return None
         k, D = np.asarray(self.load_stiffness), np.asarray(self.load_breakaway)
@@ -277,16 +276,16 @@ class Candidate:
 
     @property
     def all_elements(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and break-away displacement of all elements, wherever they are."""
+        """Stiffness and break-away displacement of all elements, at motor and load."""
         return np.append(self.stiffness, self.load_stiffness), np.append(self.breakaway, self.load_breakaway)
 
 
 def motion_of_record(
     record: nlfrf.Record, upsampling: float, shrinkage: float = SHRINKAGE, per_cycle: float = np.inf
 ) -> Motion:
-    """Mean period of a record: spectra on the lines of the band, and the motion between the samples.
+    """Return the mean period of a record: spectra on the lines of the band, and the motion between the samples.
 
-    per_cycle : steps in a cycle of the highest line at most, where the record has more samples than these in it.
+    per_cycle : largest number of steps in a cycle of the highest line, for a record with more samples in it.
     """
     u, y = np.asarray(record.u), np.asarray(record.y)
     M, P, N = u.shape
@@ -299,7 +298,7 @@ def motion_of_record(
         noise = np.stack([_smoothed(one) for one in spread])
     gain = np.clip(1 - shrinkage * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny), 0.0, 1.0)
     shrunk = mean * gain
-    shrunk[:, 0] = 0.0  # where the axis stands is not known to the elements
+    shrunk[:, 0] = 0.0  # the elements do not depend on the mean position
     shrunk[:, -1] = 0.0
     excited = np.asarray(record.lines.excited)
     n = next_fast_len(int(min(upsampling * N, max(per_cycle * excited[-1], 2 * excited[-1] + 2))), real=True)
@@ -308,7 +307,7 @@ def motion_of_record(
     padded[:, :held] = shrunk[:, :held] * n / 2
     grid = 2j * np.pi * f0 * np.arange(padded.shape[1])
     lines = np.arange(excited[0], excited[-1] + 1)
-    if np.all(excited % 2 == 1):  # even lines hold noise alone
+    if np.all(excited % 2 == 1):  # even lines contain noise alone
         lines = lines[lines % 2 == 1]
     omega = 2 * np.pi * f0 * lines
     hold = hold_correction(omega, record.hold, fs=record.fs, dt=0.0)
@@ -326,7 +325,6 @@ def motion_of_record(
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """Mean over a window of lines."""
     half = min(_WINDOW // 2, values.size - 1)
     return np.convolve(np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
 
@@ -334,7 +332,7 @@ def _smoothed(values: np.ndarray) -> np.ndarray:
 def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, vs: float) -> np.ndarray:
     """Return (E, M, W) spectra, as peak amplitudes, of E elements of unit stiffness along M motions, on W lines.
 
-    Each motion is run through twice and the second run counts: it is the steady state. `breakaway` (E,) are distances.
+    Each motion is run twice; the second run is the steady state. `breakaway` (E,) are displacements.
     """
     if not breakaway.size:
         return np.zeros((0, *motion.U.shape), dtype=complex)
@@ -352,17 +350,17 @@ def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, v
 
 
 def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
-    """Return (M, W) force with which the load reacts on the motion of the motor; zero without a load.
+    """Return (M, W) reaction force of the load on the motion of the motor; zero without a load.
 
-    A load whose friction slides, so that it has no elements, is linear. Else it starts from rest, and its second period
-    is taken. What of the first is left by then has decayed with exp(-c/(2 m2) T) at least: by 1e-3 and more on the
+    A load without elements, whose friction slides, is linear. Otherwise it starts from rest, and its second period is
+    taken. The transient of the first period has then decayed at least by exp(-c/(2 m2) T), which is 1e-3 or less on the
     presets of `nlfrf.servo_axis`.
     """
     return _follow_load(motion, candidate)[0] if candidate.terms.load else np.zeros(motion.U.shape, dtype=complex)
 
 
 def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
-    """Return (1, M, W) force of the load, or (1 + p, M, W) with its derivatives by `LOAD` and those of its elements."""
+    """Return (1, M, W) force of the load; with slopes (1 + p, M, W), with derivatives by `LOAD` and by its elements."""
     numbers, sliders = candidate.numbers, candidate.load_sliders
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
     if sliders is None:
@@ -389,7 +387,7 @@ def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) 
 
 
 def force_of_motion(machine: NumbersRead, omega: np.ndarray, damping: float) -> np.ndarray:
-    """Return (W,) force over the position of the motor without friction [N/m], the viscous friction at the motor."""
+    """Return (W,) force over motor position without friction [N/m], with the viscous friction at the motor."""
     s, load = 1j * omega, machine.load_mass
     found = s * damping + s**2 * (machine.mass - load)
     if load:
@@ -406,25 +404,25 @@ def linear_columns(motion: Motion, terms: Terms) -> list[np.ndarray]:
 
 
 def actuated_force(motion: Motion, numbers: dict[str, float]) -> np.ndarray:
-    """Return (M, W) force behind its delay and lag."""
+    """Return (M, W) force after its delay and lag."""
     s = 1j * motion.omega
     lag = np.sqrt(max(0.0, numbers.get("lag_squared", 0.0)))
-    # the delay is counted with the lag in it: the two are hard to tell apart, their sum is not
+    # the delay includes the lag: the two are hard to separate, and their sum is well determined
     return np.asarray(motion.U * np.exp(-s * (numbers["delay"] - lag)) / (1 + s * lag))
 
 
-# ---- The search: start on a grid of elements, Gauss-Newton steps, one more element where it is worth it.
+# ---- The search: start on a grid of elements, take Gauss-Newton steps, add an element if it improves the fit.
 
 
 def pack(candidate: Candidate) -> np.ndarray:
-    """Return the parameters as one vector; elements by their logarithms."""
+    """Return the parameters as one vector, with the logarithms of the elements."""
     numbers = [candidate.numbers[name] for name in candidate.terms.names]
     elements = (candidate.stiffness, candidate.breakaway, candidate.load_stiffness, candidate.load_breakaway)
     return np.concatenate([numbers, *(np.log(one) for one in elements)])
 
 
 def _unpack(x: np.ndarray, like: Candidate) -> Candidate:
-    """Return the candidate of a vector, with the terms and as many elements as another."""
+    """Return the candidate of a vector, with the terms and the number of elements of another candidate."""
     names, n = like.terms.names, like.stiffness.size
     elements = np.exp(x[len(names) :])
     return replace(
@@ -443,7 +441,7 @@ def _spectra_of(motion: Motion, candidate: Candidate) -> np.ndarray:
 
 
 def residual_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W) what the candidate leaves of the force; with its `_spectra_of` where they are known."""
+    """Return (M, W) the force that the candidate does not explain; `spectra` are its `_spectra_of`, if known."""
     left = actuated_force(motion, candidate.numbers)
     for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
         left = left - candidate.numbers[name] * column
@@ -451,14 +449,14 @@ def residual_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None
     return np.asarray(left - np.tensordot(candidate.stiffness, spectra, axes=1) - reaction_of_load(motion, candidate))
 
 
-#: Steps of the derivatives, relative. A break-away displacement is read to 1e-3 and better: over steps of 2 %, which is
-#: ten standard deviations, the fit stopped up to 10 in -2 log likelihood above its minimum (linear motor preset). From
-#: 2e-3 to 5e-4 its ends are alike.
+#: Relative steps of the derivatives. A break-away displacement is determined to 1e-3 and better: with steps of 2 %, ten
+#: standard deviations, the fit stopped up to 10 in -2 log likelihood above its minimum (linear motor preset). From
+#: 2e-3 to 5e-4 its results are equal.
 STEP = 2e-3
 
 
 def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W, p) derivatives of the residual by the parameters; with its `_spectra_of` where they are known."""
+    """Return (M, W, p) derivatives of the residual by the parameters; `spectra` are its `_spectra_of`, if known."""
     omega, terms, numbers, D = motion.omega, candidate.terms, candidate.numbers, candidate.breakaway
     columns = [-one for one in linear_columns(motion, terms)]
     force = actuated_force(motion, numbers)
@@ -484,13 +482,13 @@ def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None =
 
 
 def as_real(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Real and imaginary parts of several levels as one array; the last axis is kept where there are three."""
+    """Return real and imaginary parts of several levels as one array; a third axis is kept."""
     flat = [part.reshape(-1, *part.shape[2:]) for part in parts]
     stacked = np.concatenate(flat)
     return np.concatenate([stacked.real, stacked.imag])
 
 
-#: Range of the parameters that have one.
+#: Range of the parameters that are limited.
 _BOUNDS = {
     "lag_squared": (0.0, np.inf),
     "log_excess": (-4.0, 1.0),
@@ -501,7 +499,7 @@ _BOUNDS = {
 }
 
 
-#: Evaluations of Gauss-Newton steps at most, and to rank starts by.
+#: Largest number of evaluations of Gauss-Newton steps: for a fit, and for the ranking of starts.
 _MOST_STEPS, _FEW_STEPS = 30, 8
 
 
@@ -514,7 +512,7 @@ def refine(
     steps: int = _MOST_STEPS,
     held: Sequence[str] = (),
 ) -> Candidate:
-    """Gauss-Newton steps from a candidate, the weights and `held` numbers held, in `steps` evaluations at most."""
+    """Take Gauss-Newton steps in at most `steps` evaluations; the weights and the `held` numbers stay constant."""
     names = candidate.terms.names
     still = [names.index(name) for name in held if name in names]
     free = np.full(len(names), np.inf)
@@ -528,7 +526,7 @@ def refine(
         if name in names:
             low[names.index(name)], high[names.index(name)] = least, most
 
-    @lru_cache(maxsize=1)  # derivatives are taken where the residual was
+    @lru_cache(maxsize=1)  # derivatives are taken at the point of the last residual
     def forces(packed: bytes) -> list[np.ndarray]:
         one = _unpack(np.frombuffer(packed), candidate)
         return [_spectra_of(level, one) for level in levels]
@@ -555,7 +553,7 @@ _CLOSE = 1.1
 
 
 def _without_faint(candidate: Candidate) -> Candidate:
-    """The candidate without elements that hold next to nothing, and with those joined that break away together."""
+    """Return the candidate without negligible elements, and with elements joined that break away together."""
     k, D = candidate.all_elements
     total, strength = float(k.sum()), float(k @ D)
     stiffness, breakaway = _merged(candidate.stiffness, candidate.breakaway, total=total, strength=strength)
@@ -566,7 +564,7 @@ def _without_faint(candidate: Candidate) -> Candidate:
 
 
 def _merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
-    """Elements of stiffness k and break-away D, sorted, without those that are faint in a total, close ones as one."""
+    """Return elements of stiffness k and break-away D, sorted, without negligible ones, with close ones joined."""
     order = np.argsort(D)
     k, D = k[order], D[order]
     keep = (k > 1e-3 * total) | (k * D > 1e-3 * strength)
@@ -593,11 +591,11 @@ def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
 
 
 def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
-    """Return the levels with the start of the elements that leaves less.
+    """Return each level with the start of the elements that leaves the smaller residual.
 
-    An element with stiction has two periodic forces along the same motion, where it swings by less than D and more than
-    D (1 + 1/rho)/2: either it never slips, or it slips, drops, and so slips at the other end too. Which of them the
-    machine took depends on how it came there. On the joint preset the wrong one left 2.3 % of the force of a level.
+    An element with stiction has two periodic forces along the same motion if its swing is between D (1 + 1/rho)/2 and
+    D: either it never slips, or it slips and drops, and so slips at the other end too. The history decides which of
+    them the machine has. On the joint preset the wrong one left 2.3 % of the force of a level.
     """
     return [
         min(
@@ -609,12 +607,12 @@ def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
 
 
 def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> list[Candidate]:
-    """Non-negative least squares on a grid of elements, for several delays; one a choice of stiction, best first."""
+    """Return starts by nonnegative least squares on a grid of elements, one for each choice of stiction, best first."""
     terms = Terms(spring=spring)
     tried = np.geomspace(*span, _N_TRIED // 2 + 2)
     scales = [np.sqrt((np.abs(level.U) ** 2).mean()) for level in levels]
     speeds = [float(np.std(level.v)) for level in levels]
-    # a column and its negative where the sign is free
+    # a column and its negative if its sign is free
     signed = [
         np.stack([sign * one for one in linear_columns(level, terms) for sign in (1, -1)], axis=-1) / scale
         for level, scale in zip(levels, scales, strict=True)
@@ -657,10 +655,10 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
 
 
 def _join_neighbouring_elements(candidate: Candidate) -> Candidate:
-    """Join the elements of a grid two by two: stiffness added, break-away distance averaged by it.
+    """Join the elements of a grid two by two: add their stiffnesses, average their break-away displacements.
 
-    Elements below 0.1 % of stiffness and of force are left out, and the MOST_ELEMENTS of most force are kept; one of
-    next to no stiffness where none is left.
+    Elements below 0.1 % of stiffness and of force are left out, and the strongest `_MOST_ELEMENTS` are kept. If none is
+    left, one of negligible stiffness is returned.
     """
     k, D = candidate.stiffness, candidate.breakaway
     some = (k > 1e-3 * k.sum()) | (k * D > 1e-3 * (k @ D))
@@ -682,9 +680,10 @@ def _join_neighbouring_elements(candidate: Candidate) -> Candidate:
 
 
 def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float, float]:
-    """F ratio of one more column, the others adapted: what it takes off the sum of squares over a free one of the rest.
+    """Return the F ratio of one more column, with the others adapted, and its amount.
 
-    The weights came from the same residual, so the sum of squares alone says little where they are few.
+    The ratio is the reduction of the sum of squares over the remaining variance. The weights came from the same
+    residual, so the sum of squares alone shows little if they are few.
     """
     own = column - Q @ (Q.T @ column)
     size = float(own @ own)
@@ -697,7 +696,7 @@ def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float,
 
 
 def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal basis of what the parameters of a candidate can do to its residual, and that residual."""
+    """Return an orthonormal basis of the derivatives of the residual of a candidate, and the residual."""
     pairs = list(zip(levels, stds, strict=True))
     slopes = as_real([slopes_of(level, candidate) / std[..., np.newaxis] for level, std in pairs])
     size = np.linalg.norm(slopes, axis=0)
@@ -708,7 +707,7 @@ def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 def extend(
     levels: list[Motion], stds: list[np.ndarray], *, candidate: Candidate, span: tuple[float, float]
 ) -> Candidate | None:
-    """Return the candidate with the term or element that is worth most; None where chance is worth as much."""
+    """Return the candidate with the term or element that improves the fit most; None if chance may do as much."""
     Q, left = tangent_of(levels, stds, candidate)
     options: list[tuple[float, Candidate]] = []
     terms = candidate.terms
@@ -725,7 +724,7 @@ def extend(
         offer(
             parts, lambda amount: replace(candidate, terms=later, numbers=candidate.numbers | {"lag_squared": amount})
         )
-    # a lag looks like a mode where no friction tells them apart, and every drive has one: it comes first
+    # without friction a lag and a mode look alike, and every drive has a lag: it is tried first
     if not terms.softening and not terms.load and not options:
         parts = [-(level.omega**4) * level.Y for level in levels]
         wider = replace(terms, softening=True)
@@ -763,11 +762,11 @@ def extend(
 def search(
     levels: list[Motion], starts: list[Candidate], span: tuple[float, float], held: Sequence[str] = ()
 ) -> Candidate:
-    """Search from the first start, then from the likeliest others, until one explains all levels; the likeliest.
+    """Search from the first start, then from the likeliest others, until one explains all levels; return the likeliest.
 
-    One that leaves more than `REFUTED` is returned as it is: no start leaves much less of friction of another law.
+    A candidate that leaves more than `REFUTED` is returned as it is: no start leaves much less of another friction law.
 
-    held : numbers of two masses that are known, and held until friction is found.
+    held : known numbers of two masses, which are constant until friction is found.
     """
     if starts[0].terms.load:
         first = _try_start(levels, starts[0], span, held)[1]
@@ -779,9 +778,8 @@ def search(
     found = [_extend_fully(levels, settle(levels, starts[0], span), span)]
     explained = EXPLAINED_BY_TWO if starts[0].terms.load else _EXPLAINED
     if explained <= largest_share(levels, found[0][1]) <= REFUTED:
-        # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
-        # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8
-        # right
+        # the residual before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
+        # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts solved 8
         others = sorted((_try_start(levels, start, span) for start in starts[1:]), key=_criterion)
         for _, start in others[: _N_STARTS - 1]:
             found.append(_extend_fully(levels, settle(levels, start, span), span))
@@ -793,7 +791,7 @@ def search(
 def _try_start(
     levels: list[Motion], start: Candidate, span: tuple[float, float], held: Sequence[str] = ()
 ) -> tuple[float, Candidate]:
-    """Take a few steps from a start, some numbers held: (-2 log likelihood, candidate)."""
+    """Take a few steps from a start, with some numbers held; return (-2 log likelihood, candidate)."""
     levels = with_branches(levels, start)
     steps = _MOST_STEPS if start.terms.load else _FEW_STEPS
     found = refine(levels, reweight(levels, start), candidate=start, span=span, steps=steps, held=held)
@@ -803,9 +801,9 @@ def _try_start(
 def _extend_fully(
     levels: list[Motion], settled: tuple[float, Candidate], span: tuple[float, float]
 ) -> tuple[float, Candidate]:
-    """Extend a settled candidate by one term or element at a time, while that makes the levels likelier.
+    """Extend a settled candidate by one term or element at a time, while the likelihood rises.
 
-    Not further where it leaves more than `REFUTED` after one, and of two masses where one takes off too little.
+    Stop if more than `REFUTED` is left after one extension, and for two masses if one extension gains too little.
     """
     likelihood, candidate = settled
     two, before = candidate.terms.load, np.inf
@@ -826,17 +824,17 @@ def _extend_fully(
 
 
 def largest_share(levels: list[Motion], candidate: Candidate) -> float:
-    """Largest share of the force (or of Fs) that a candidate leaves of a level, noise taken off."""
+    """Return the largest share of the force (or of Fs) of a level that a candidate leaves beyond noise."""
     return max(share_left(level, candidate)[0] for level in with_branches(levels, candidate))
 
 
 def share_left(level: Motion, candidate: Candidate) -> tuple[float, float]:
-    """Share of the force (or of Fs) that a candidate leaves of a level, noise taken off, and what noise makes."""
+    """Return the share of the force (or of Fs) of a level that a candidate leaves beyond noise, and that of noise."""
     chosen, left = level.excited, residual_of(level, candidate)
-    # noise of an encoder is alike in all periods where the motion is a few of its steps: it counts against Fs there
+    # if the motion is a few steps of the encoder, its error is alike in all periods: it is compared with Fs
     Fs = float(np.dot(*candidate.all_elements))
     power = float(max((np.abs(level.U[:, chosen]) ** 2).sum(), 2 * left.shape[0] * Fs**2))
-    # where noise is most of Y, only the machine itself tells what force it stands for
+    # if noise is most of Y, only the fitted machine gives the force that it stands for
     machine = sum(
         candidate.numbers[name] * column / np.where(level.Y == 0, 1.0, level.Y)
         for name, column in zip(candidate.terms.linear, linear_columns(level, candidate.terms), strict=True)
@@ -849,16 +847,16 @@ def share_left(level: Motion, candidate: Candidate) -> tuple[float, float]:
 
 
 def _criterion(found: tuple[float, Candidate]) -> float:
-    """-2 log likelihood and what every parameter has to gain: a stiction that explains nothing is none."""
+    """Return -2 log likelihood plus a penalty for each parameter, so that a stiction without effect is left out."""
     likelihood, candidate = found
     return likelihood + _LEAST_GAIN * pack(candidate).size
 
 
 def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> tuple[float, Candidate]:
-    """Refine with new weights and branches while that makes the levels likelier: (-2 log likelihood, candidate).
+    """Refine with new weights and branches while the likelihood rises; return (-2 log likelihood, candidate).
 
-    The weights and branches of a start are wrong, and with them the steps end early: a start of the joint preset went
-    from 2.3 to 1.3 % of the force at break-away in four passes.
+    The weights and branches of a start are wrong, so its steps end early: a start of the joint preset went from 2.3 to
+    1.3 % of the force at break-away in four passes.
     """
     best = _likelihood_of(with_branches(levels, candidate), candidate), candidate
     for _ in range(_MOST_PASSES):
@@ -874,21 +872,21 @@ def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
 
 
 def _likelihood_of(levels: list[Motion], candidate: Candidate) -> float:
-    """-2 log likelihood, every level with a variance of its own."""
+    """Return -2 log likelihood, with one variance for each level."""
     powers = [float((np.abs(residual_of(level, candidate)) ** 2).mean()) for level in levels]
     return sum(2 * level.U.size * float(np.log(power)) for level, power in zip(levels, powers, strict=True))
 
 
-#: Starts around a minimum, and their distance from it in standard deviations.
+#: Number of starts around a minimum, and their distance from it in standard deviations.
 _N_AROUND, _DISTANCE = 4, 4.0
 
 
 def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> Candidate:
     """Start again around a minimum, while one of the starts ends in a likelier one.
 
-    Whether an element slips at one end of one swing or not is a jump, and over some of them no step leads: on the
-    linear motor preset three fits of 25 had Fs 0.2 to 0.4 % and the damping 6 to 17 % off, up to five standard
-    deviations, and were worse by 80 to 170 in -2 log likelihood. Two of the three are left behind by such starts.
+    Whether an element slips at one end of a swing is a discontinuity, and gradient steps do not cross all of them. On
+    the linear motor preset three fits of 25 had Fs 0.2 to 0.4 % and the damping 6 to 17 % off, up to five standard
+    deviations, and were worse by 80 to 170 in -2 log likelihood. Such starts improve two of the three.
     """
     rng = np.random.default_rng(0)
     likelihood, candidate = settle(levels, candidate, span)
@@ -913,18 +911,18 @@ def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
 
 # ---- Intervals.
 
-#: Share of a block that the fit leaves at least: what it leaves of less is rounding.
+#: Least share of a block in its own fit residual; smaller ones are rounding.
 _LEAST_SHARE = 1e-6
 
 
 def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-    """Covariances of the packed parameters: by a jackknife over blocks of neighbouring lines, and by noise alike.
+    """Return two covariances of the packed parameters: by a jackknife over blocks of neighbouring lines, and by noise.
 
-    The jackknife is the sandwich of White (1980) over blocks, the residual of each over the share that the fit leaves
-    of it (MacKinnon and White 1985). It holds for errors of the model, which are alike in neighbouring lines. But two
-    thirds of what is known of a break-away displacement may come from one block, whose residual is small by chance. So
-    the covariance of noise with the variance of the residual is the other, and the larger counts (Angrist and Pischke
-    2009, 8.1).
+    The jackknife is the sandwich of White (1980) over blocks, with the residual of each block divided by the share that
+    the fit leaves of it (MacKinnon and White 1985). It covers model errors, which are correlated in neighbouring lines.
+    But two thirds of the information on a break-away displacement may come from one block, whose residual is small by
+    chance. So the second covariance assumes noise with the variance of the residual, and the larger one counts (Angrist
+    and Pischke 2009, 8.1).
     """
     pairs = list(zip(levels, stds, strict=True))
     slopes = [slopes_of(level, candidate) / std[..., np.newaxis] for level, std in pairs]
@@ -948,7 +946,7 @@ def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Cand
 
 
 def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
-    """Return what is reported, from the packed parameters: of a machine with a load all together, and the load."""
+    """Return the reported numbers from the packed parameters; with a load those of both masses, and of the load."""
     one = _unpack(x, like)
     numbers = one.numbers
     K0, Fs = float(one.stiffness.sum()), float(one.stiffness @ one.breakaway)
@@ -987,7 +985,7 @@ def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
 
 
 def deviations(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> dict[str, float]:
-    """Standard deviation of each derived number, the larger of those by the two covariances."""
+    """Return the standard deviation of each derived number, the larger of those from the two covariances."""
     x, covariances = pack(candidate), covariances_of(levels, stds, candidate)
     steps = 1e-6 * np.maximum(np.abs(x), 1e-6)
     gradients = {name: np.zeros(x.size) for name in derived_numbers(x, candidate)}
@@ -1004,14 +1002,15 @@ def deviations(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 
 
 def mode_term(motion: Motion, numbers: dict[str, float], lag_squared: float = 0.0) -> float:
-    """Size of the term w^4 at the highest line, over that of the mass: a mode above the band, or a lag."""
+    """Return the size of the term w^4 at the highest line, relative to that of the mass: of a mode above, or a lag."""
     top = float(motion.omega[-1]) ** 2
     return top * max(0.0, numbers["softening"] / numbers["mass"], lag_squared / 2)
 
 
 def mode_error(motion: Motion, numbers: dict[str, float], lag_squared: float = 0.0) -> float:
-    """Error of the mass, relative, that a mode in the place of its first term leaves.
+    """Return the relative error of the mass if the first term of a mode replaces the mode.
 
-    A sixth of that term: the presets with a load were up to 0.8 % off at a term of 4 % (benchmarks/read_machine.py).
+    It is a sixth of that term: the presets with a load were up to 0.8 % off at a term of 4 %
+    (benchmarks/read_machine.py).
     """
     return mode_term(motion, numbers, lag_squared) / 6

@@ -1,9 +1,9 @@
-"""Friction without a law: the force that a moving axis leaves of its command, less inertia and viscous force.
+"""Friction without a law: the command of a moving axis minus inertia and viscous force.
 
     f(t) = u(t - delay) - m x'' - c x'
 
-Mass, viscous friction and delay come from records in motion, where friction slides and its shape does not count. Taken
-from records at rest, f grows with the level while friction sticks, and stops at the break-away force.
+Mass, viscous friction and delay come from records in motion, where friction slides and its law does not matter. From
+records at rest, f grows with the level while friction sticks, and stops growing at the break-away force.
 """
 
 from __future__ import annotations
@@ -21,60 +21,59 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit, identify_sliding
 from robust.lti.sampling import hold_correction
 
-#: Share of its peak that the steps of the encoder may make of a force: where they make more, it is cut off in
-#: frequency.
+#: Share of its peak that steps of the encoder may contribute to a force; beyond it the force is cut off in frequency.
 _MOST_STEPS = 0.015
-#: Peak of the acceleration of one step of the encoder, over omega^2 of the step, behind the filter of an edge omega.
+#: Peak acceleration of one step of the encoder, over omega^2 times the step, after the filter with edge omega.
 _STEP_ACCELERATION = 0.153
-#: Edge at most, over half the sampling frequency, and oscillations at the edge for which its filter rings. Of 178 axes
-#: the interval of the break-away force held 169, 171 and 170 with 0.4, 0.55 and 0.8.
+#: Highest edge, relative to half the sampling frequency, and number of oscillations at the edge for which its filter
+#: rings. Of 178 axes the interval of the break-away force contained 169, 171 and 170 with 0.4, 0.55 and 0.8.
 _HIGHEST, _RINGS = 0.55, 6
-#: Samples that lie above a peak, for every sample at most.
+#: Largest share of the samples that may lie above a peak.
 _ABOVE_PEAK = 5e-4
-#: Share of its rms by which a position may change from period to period.
+#: Largest change of a position from period to period, relative to its rms.
 _MOST_CHANGE = 0.2
-#: Share of samples at a limit of the force above which a level is not read.
+#: Largest share of samples at a limit of the force; a level with more is not used.
 _CLIPPED = 2e-3
-#: Power of the level with which the peak force still rises where the axis breaks away. It is one while friction sticks.
-#: Here and below: set on 24 axes with six laws of friction, 13 of them with stiction two to four times Coulomb
+#: Exponent of the level with which the peak force still rises at break-away; it is one while friction sticks. This and
+#: the following: set on 24 axes with six laws of friction, 13 of them with stiction two to four times Coulomb
 #: friction, and tried on others (benchmarks/bench_stranger.py).
 _FLAT = 0.155
-#: What peaks leave open of the break-away force: they were 5 % low to 7 % high, as the crest of a filtered force is.
+#: Uncertainty of the break-away force from peaks: they were 5 % low to 7 % high, as crests of a filtered force are.
 _SCATTER_LOW, _SCATTER_HIGH = 0.08, 0.03
-#: Peaks that fall with the level, by more than a share, may have been taken at a speed at which stiction has fallen
-#: already. The excess over Coulomb friction is up to the second factor larger then. It is up to the first where they do
-#: not fall, or where the fall is seen at higher speeds. Set on 60 axes, half of which jump when they break away.
+#: Peaks that fall with the level by more than this share may come from a speed at which stiction has fallen already.
+#: The excess over Coulomb friction is then larger by up to the second factor. It is larger by up to the first if the
+#: peaks do not fall, or if the fall is seen at higher speeds. Set on 60 axes, half of which jump when they break away.
 _FALLEN, _EXCESS, _EXCESS_FALLEN = 0.07, 1.25, 3.0
-#: Share of Coulomb friction below which a peak that does not rise is one of the encoder's steps.
+#: Share of Coulomb friction below which a peak that does not rise comes from steps of the encoder.
 _BELOW_COULOMB = 0.7
-#: Steps of the encoder that may add up in a peak.
+#: Number of steps of the encoder that may add up in a peak.
 _STEPS_TOGETHER = 2.0
-#: Rms of a position over the step of the encoder from which stiffness and damping are read, and standard deviations of
-#: their ends.
+#: Least rms of a position over the step of the encoder for estimates of stiffness and damping, and standard deviations
+#: of their ends.
 _FEWEST_STEPS, _FEWEST_STEPS_DAMPING, _SIGMAS = 4.0, 10.0, 3.0
-#: Levels that stick have this share of the stiffness of the stiffest, those where no element slips the second. There
-#: Maxwell slip has no damping; of more than a share of the stiffness, at the middle of the lines, it creeps. The
-#: highest of them may have begun to slip.
+#: Sticking levels have at least this share of the largest stiffness; levels at which no element slips have the second.
+#: There Maxwell slip has no damping: friction with a damping above a share of the stiffness, at the middle of the
+#: lines, creeps. The highest of these levels may have begun to slip.
 _STICKS, _NONE_SLIPS, _CREEPS = 0.9, 0.985, 0.01
-#: Levels, the highest, from which the fall of the friction with speed is read, and the share of their peak that the
-#: steps of the encoder may make there.
+#: Number of highest levels that show the fall of the friction with speed, and the share of their peak that steps of the
+#: encoder may make there.
 _LEVELS_STRIBECK, _STEPS_STRIBECK = 4, 0.1
-#: Stribeck velocities that are tried [m/s] or [rad/s]; the last ones look like viscous friction.
+#: Stribeck velocities that are tried [m/s] or [rad/s]; the highest look like viscous friction.
 _STRIBECK_VELOCITIES, _FASTEST_STRIBECK = np.geomspace(2e-4, 0.1, 40), 0.06
-#: Share by which a Stribeck curve lowers the variance at least, share of that which all of the interval reach, and
-#: factor by which a filtered force shows the velocity too high. Set on 32 axes and tried on 22 others: of the 30 that
-#: show a velocity the interval holds 29; the last has Dahl friction, which has none.
+#: Least reduction of the variance by a Stribeck curve; share of this gain that the whole interval reaches; factor by
+#: which a filtered force makes the velocity too high. Set on 32 axes and tried on 22 others: of the 30 that show a
+#: velocity the interval contains 29; the last has Dahl friction, which has none.
 _SHOWN, _REACHED, _TOO_HIGH = 0.01, 0.75, 1.5
-#: Way since a reversal, over that of the largest friction force on its stiffness, from which friction slides.
+#: Distance from a reversal, relative to the deflection at the largest friction force, from which friction slides.
 _SLIDES_AFTER = 6.0
-#: Samples of sliding friction from which its fall is read, slides from one reversal to the next from which its mean is,
-#: and share of Coulomb friction by which traces of one friction may differ. It was 4 % on 12 axes with six laws; on 26
-#: others nothing was contradicted. Of 16 whose friction grew by 30 % it was on 13: the levels of the rest ended at
-#: speeds at which stiction had not fallen.
+#: Least number of sliding samples for its fall, least number of slides between reversals for its mean, and share of
+#: Coulomb friction by which traces of the same friction may differ. The difference was 4 % on 12 axes with six laws; on
+#: 26 others no contradiction was found. Of 16 axes whose friction grew by 30 % it was found on 13: the levels of the
+#: others ended at speeds at which stiction had not fallen.
 _FEWEST_SAMPLES, _FEWEST_SLIDES, _SLIDE_ERROR = 300, 5, 0.05
 _HOLDS_BOTH = "The break-away force holds both. "
-#: Edge up to which friction is read at most, over the antiresonance of a load: motor and load move as one below. Of 38
-#: axes with a load the interval of the break-away force held 34, 35 and 36 with 0.23, 0.35 and 0.45.
+#: Highest edge for the friction force, relative to the antiresonance of a load: below it motor and load move as one. Of
+#: 38 axes with a load the interval of the break-away force contained 34, 35 and 36 with 0.23, 0.35 and 0.45.
 _RIGID = 0.45
 
 
@@ -85,9 +84,9 @@ class _CoupledLoad:
     Fields
     ------
     mass, stiffness, damping : float
-        [kg], spring [N/m] and damper [Ns/m] between motor and load.
+        Mass [kg], spring [N/m] and damper [Ns/m] between motor and load.
     share : float
-        Of the friction, that acts on the load; nan where it is not known.
+        Share of the friction that acts on the load; nan if it is unknown.
     """
 
     mass: float
@@ -98,29 +97,29 @@ class _CoupledLoad:
 
 @value
 class FrictionForce:
-    """What records in motion and at rest show of an axis and its friction, of whatever law.
+    """Mass and friction force of an axis from records in motion and at rest, without a friction law.
 
     Fields
     ------
     sliding : SlidingFit
         Mass, viscous and Coulomb friction, delay with lag.
     Fs : (2,) ndarray
-        Interval of the break-away force [N], of 95 % by trial; nan where the levels do not show it.
+        Interval of the break-away force [N], found by trial to hold in 95 %; nan if the levels do not show it.
     K0 : (2,) ndarray
-        Interval of the presliding stiffness [N/m]; nan where the encoder resolves no motion before break-away.
+        Interval of the presliding stiffness [N/m]; nan if the encoder resolves no motion before break-away.
     bristle_time : float
-        Damping over stiffness while friction sticks [s], at most: creep looks like damping, too. nan as K0.
+        Largest damping over stiffness while friction sticks [s]; creep looks like damping too. nan as for K0.
     creeps : bool
-        Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
+        True if friction has damping, or creeps, while it sticks. Maxwell slip does neither.
     stribeck : (2,) ndarray
-        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it. The
-        lower end alone is nan where it has fallen before the axis slides.
+        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan if the levels do not show it. Only the
+        lower end is nan if stiction has fallen before the axis slides.
     reason : str
-        Why the break-away force is not known; empty where it is.
+        Reason why the break-away force is unknown; empty if it is known.
     contradiction : str
-        Where the traces in motion and at rest show different friction: which, and what it means. `Fs` holds both.
+        Difference between the friction in motion and at rest, if there is one, and its meaning. `Fs` then covers both.
     load : CoupledLoad or None
-        Where the mass in motion is that of a motor and a load, which was read apart: the load.
+        The load, if motor and load were identified separately in motion.
 
     References
     ----------
@@ -158,7 +157,7 @@ class FrictionForce:
 
 
 class LevelPeak(NamedTuple):
-    """Level of what was played, peak of the friction force [N], how far that may be off, and its mean amplitude [N]."""
+    """Level of the excitation, peak of the friction force [N], its error bound [N], and its mean amplitude [N]."""
 
     level: float
     peak: float
@@ -169,23 +168,24 @@ class LevelPeak(NamedTuple):
 def read_friction_force(
     moving: Sequence[nlfrf.Record], velocities: Sequence[float], levels: Sequence[nlfrf.Record], *, masses: int = 1
 ) -> FrictionForce:
-    """Read mass, delay and the force of the friction, without a law of friction.
+    """Read mass, delay and friction force of an axis, without a friction law.
 
     Parameters
     ----------
     moving : sequence of Record
-        In motion, as for `identify_sliding`.
+        Records in motion, as for `identify_sliding`.
     velocities : (R,) sequence of float
         Base velocity of each [m/s].
     levels : sequence of Record
-        At rest, the same signals and units, from sticking to sliding.
+        Records at rest with the same signals and units, from sticking to sliding.
     masses : int
-        As for `identify_sliding`. The friction is that of motor and load together, where they move as one.
+        As for `identify_sliding`. The friction is that of motor and load together, at frequencies where they move as
+        one.
 
     Raises
     ------
     ValueError
-        As `identify_sliding`.
+        As for `identify_sliding`.
     """
     sliding = identify_sliding(moving, velocities, masses=masses)
     sizes = [np.abs(np.asarray(one.u[0])) for one in levels]
@@ -211,7 +211,7 @@ def read_friction_force(
         contradiction = (
             f"the friction is {low:.4g} to {high:.4g} {sliding.units[0]} in motion and {at_rest[0]:.4g} to "
             f"{at_rest[1]:.4g} where it slides at rest: it has grown between the traces, or rises with speed by more "
-            f"than a viscous one. {_HOLDS_BOTH * bool(np.isfinite(Fs).all())}Take all traces anew, in one go"
+            f"than a viscous one. {_HOLDS_BOTH * bool(np.isfinite(Fs).all())}Measure all traces again, in one session"
         )
     return FrictionForce(
         sliding=sliding,
@@ -227,20 +227,20 @@ def read_friction_force(
 
 
 def coupled_load(machine: SlidingFit | FrictionFit, share: float) -> _CoupledLoad:
-    """Return the load of a machine that was read, with its share of the friction."""
+    """Return the load of an identified machine, with its share of the friction."""
     damping = max(0.0, machine.coupling_damping)
     return _CoupledLoad(mass=machine.load_mass, stiffness=machine.coupling, damping=damping, share=share)
 
 
 def _repeats(record: nlfrf.Record) -> bool:
-    """Whether a level does the same in each period: one that hunts by itself makes a jump of where a period ends."""
+    """Return whether a level repeats in each period. A level that hunts by itself has a jump at the end of a period."""
     y = np.asarray(record.y)[0]
     changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
     return bool(changes < max(_MOST_CHANGE * np.std(y.mean(axis=0)), 2 * smallest_step(record.y)))
 
 
 def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
-    """Peak of the friction force at one level, up to where the steps of the encoder are small."""
+    """Return the peak of the friction force at one level, up to the frequency where steps of the encoder are small."""
     edge = edge_of_level(record, sliding)
     f, _, v = _friction_over_time(record, sliding, edge)
     acceleration = np.gradient(v) * record.fs
@@ -254,7 +254,7 @@ def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
 
 
 def edge_of_level(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
-    """Return the frequency [rad/s] up to which the friction force of a level is read, the lines among it."""
+    """Return the frequency [rad/s] up to which the friction force of a level is computed; it includes all lines."""
     u = np.asarray(record.u)[0].mean(axis=0)
     edge = _quiet_edge(record, machine, _MOST_STEPS * float(np.abs(u - u.mean()).max()))
     edge = max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), edge)
@@ -262,7 +262,7 @@ def edge_of_level(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> fl
 
 
 def _usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
-    """Return the frequency [rad/s] up to which a record shows a friction force at all."""
+    """Return the highest frequency [rad/s] at which a record can show a friction force."""
     return min(_HIGHEST * np.pi * record.fs, _rigid_edge(machine))
 
 
@@ -286,8 +286,8 @@ def _friction_over_time(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return friction force [N], position [m] and velocity [m/s] of all periods (n,), up to a frequency [rad/s].
 
-    An axis that jumps jumps at other times in each period: a mean of them, or a period that is taken for periodic, has
-    accelerations that never were. The ends, where the filter rings, are left out.
+    An axis that jumps does so at other times in each period. The mean of its periods, or one period that is assumed
+    periodic, has accelerations that never occurred. The ends, where the filter rings, are left out.
     """
     u, y = (np.asarray(one)[0].ravel() for one in (record.u, record.y))
     y = y - np.linspace(y[0], y[-1], y.size)
@@ -300,10 +300,10 @@ def _friction_over_time(
 def _friction_of_signals(
     u: np.ndarray, y: np.ndarray, record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the friction force (n,) up to a frequency [rad/s], spectrum of the motion, and frequencies [rad/s].
+    """Return the friction force (n,) up to a frequency [rad/s], the spectrum of the motion, and frequencies [rad/s].
 
-    The filter is a raised cosine, one half at the edge. A force that turns jumps by twice its size, and behind a sharp
-    filter it overshoots by 18 % of that size; behind this one by 1 %.
+    The filter is a raised cosine, one half at the edge. A force that reverses jumps by twice its size. After a sharp
+    filter it overshoots by 18 % of that size, after this one by 1 %.
     """
     omega = 2 * np.pi * record.fs / u.size * np.arange(u.size // 2 + 1)
     roll = (1 + np.cos(np.pi * np.minimum(omega / (2 * edge), 1.0))) / 2
@@ -316,19 +316,19 @@ def _friction_of_signals(
 
 
 def _rigid_edge(machine: SlidingFit | FrictionFit) -> float:
-    """Return the frequency [rad/s] up to which a motor and a load move as one; infinite of one mass."""
+    """Return the frequency [rad/s] up to which a motor and a load move as one; infinite for one mass."""
     return _RIGID * float(np.sqrt(machine.coupling / machine.load_mass)) if machine.load_mass else np.inf
 
 
 def _slides_of(
     levels: Sequence[nlfrf.Record], sliding: SlidingFit, deflection: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return force f sgn v (n,) [N], speed |v| (n,) and number of its slide (n,) of every sample that slides.
+    """Return force f sgn v (n,) [N], speed |v| (n,) and number of the slide (n,) of every sliding sample.
 
-    At the highest levels, where the way since the last reversal is long. The number is -1 where the filter of the force
-    mixes the slide with its neighbours.
+    The samples are far from the last reversal, at the highest levels. The number is -1 if the filter of the force mixes
+    the slide with its neighbours.
 
-    deflection : of friction that sticks, at its largest force [m].
+    deflection : displacement of sticking friction at its largest force [m].
     """
     forces, speeds, slides, count = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)], 0
     for record in levels[-_LEVELS_STRIBECK:]:
@@ -355,9 +355,9 @@ def _slides_of(
 def _growth_of_friction(
     sliding: SlidingFit, f: np.ndarray, v: np.ndarray, slides: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """Return the sliding force of the levels (2,) [N] and how many times that the trace in motion shows, at most.
+    """Return the sliding force of the levels (2,) [N], and the largest factor between it and the trace in motion.
 
-    None where both agree. Friction that falls with speed is larger at the lower speeds of the levels, never smaller.
+    None if both agree. Friction that falls with speed is larger at the lower speeds of the levels, never smaller.
     """
     if v.size < _FEWEST_SAMPLES:
         return None
@@ -373,9 +373,9 @@ def _growth_of_friction(
 
 
 def _stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarray:
-    """Return the interval of the velocity over which the force of friction that slides (n,) falls, by its speed.
+    """Return the interval of the velocity over which sliding friction (n,) falls with its speed.
 
-    f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|. Where no fall shows, the lower end is nan, and the upper one the
+    f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|. If no fall shows, the lower end is nan, and the upper end is the
     speed above which the force is that of Coulomb friction [N].
     """
     unknown = np.full(2, np.nan)
@@ -394,7 +394,7 @@ def _stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarr
 
 
 def _fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
-    """Return the sum of squares that Coulomb and viscous friction leave, with a fall over vs; a rise is none."""
+    """Return the residual sum of squares of Coulomb and viscous friction, with a fall over vs; a rise is excluded."""
     columns = [np.ones(v.size), v] + ([] if vs is None else [np.exp(-((v / vs) ** 2))])
     X = np.column_stack(columns)
     found = np.linalg.solve(X.T @ X + 1e-12 * np.diag((X**2).sum(axis=0)), X.T @ f)
@@ -402,13 +402,13 @@ def _fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
 
 
 def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool = False) -> tuple[np.ndarray, str]:
-    """Interval of the break-away force, where the peak of the force stops to rise with the level.
+    """Return the interval of the break-away force, at which the peak force stops rising with the level.
 
-    falls_later : whether friction is seen to fall with speed where it slides, so not before it breaks away.
+    falls_later : True if friction falls with speed while it slides, and so not before it breaks away.
     """
     unknown = np.full(2, np.nan)
     if len(peaks) < 2:
-        return unknown, f"the force of friction shows at rest, at two levels or more, got {len(peaks)}"
+        return unknown, f"the friction force needs two levels or more at rest, got {len(peaks)}"
     level, peak, error, _ = (np.array(one) for one in zip(*peaks, strict=True))
     slope = np.diff(np.log(np.maximum(peak, 1e-300))) / np.maximum(np.diff(np.log(level)), 1e-9)
     breaks = peak[:-1] > _BELOW_COULOMB * coulomb
@@ -416,7 +416,7 @@ def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool 
     if flat.size:
         k = int(flat[0])
         found = float(np.median(peak[k : k + 3]))
-    else:  # bristles with damping give a force above that of break-away at speed: the peak rises again
+    else:  # damped bristles give a force above break-away at speed: the peak rises again
         k = int(np.argmin(np.where(breaks, slope, np.inf)))
         found = float(peak[k])
         if k == slope.size - 1 or not breaks[k] or slope[k] > 2 * _FLAT:
@@ -434,15 +434,15 @@ def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool 
 def _stiffness_at_rest(
     levels: Sequence[nlfrf.Record], peaks: Sequence[LevelPeak], sliding: SlidingFit, Fs: float
 ) -> tuple[np.ndarray, float, float]:
-    """Interval of the stiffness and largest damping over it of friction that sticks, and the least damping [Ns/m].
+    """Return the interval of the stiffness, the largest damping over it of sticking friction, and the least damping.
 
-    The least is that beyond the viscous friction of the motion, where no element slips; -inf where none is known.
+    The least damping [Ns/m] is that beyond the viscous friction in motion, at levels where no element slips; -inf if
+    it is unknown. Of all laws considered here, that of Leuven bends most: dF/dx = K0 (1 - F/Fs)^2, so that the
+    stiffness of a swing up to F is K0 (1 - F/Fs). This bounds K0 at every level below break-away. Rigid friction moves
+    only at Fs, and has no bound. A load that sticks is behind its coupling, so the stiffness of its friction may be
+    larger by the effect of the coupling.
 
-    Of all laws here that of Leuven bends most: dF/dx = K0 (1 - F/Fs)^2, so that the stiffness of a swing up to F is
-    K0 (1 - F/Fs). It bounds K0 at every level below break-away. Rigid friction moves at Fs alone, and has no bound.
-    A load that sticks is behind its coupling, and the stiffness of its friction may be that much larger.
-
-    peaks : of each level. Fs : the least break-away force [N]; nan where it is at least the largest peak.
+    peaks : of each level. Fs : the least break-away force [N]; if it is nan, the largest peak takes its place.
     """
     least = Fs if np.isfinite(Fs) else (1 - _SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
     read, kept = [], []
@@ -466,14 +466,14 @@ def _stiffness_at_rest(
     none_slips = np.flatnonzero(clear & (k > _NONE_SLIPS * k[clear].max()))
     none_slips = none_slips[np.argsort(steps[none_slips])][:-1]
     damped = (c - _SIGMAS * c_std - _CREEPS * k / middle)[none_slips].max(initial=-np.inf)
-    # at every level damping and creep together, so that the least is nearest to the damping
+    # every level shows damping and creep together: the least of them is nearest to the damping
     return K0, max(0.0, float((c + _SIGMAS * c_std)[clear].min())) / float(sure.max()), float(damped)
 
 
 def before_coupling(stiffness: float, machine: SlidingFit) -> float:
-    """Return the largest stiffness of the friction of motor and load together [N/m], of what both show at the motor.
+    """Return the largest friction stiffness of motor and load together [N/m] for a stiffness seen at the motor.
 
-    Of the friction K1 and K2 the motor shows K1 + k K2 / (k + K2); the sum is largest where all of it is at the load.
+    With friction stiffnesses K1 and K2 the motor shows K1 + k K2 / (k + K2); K1 + K2 is largest for K1 = 0.
     """
     if not machine.load_mass:
         return stiffness
@@ -482,9 +482,10 @@ def before_coupling(stiffness: float, machine: SlidingFit) -> float:
 
 
 def _falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
-    """Return by how much the viscous friction of a motion may be below that of the machine [Ns/m].
+    """Return the largest amount by which the viscous friction in motion may be below that of the machine [Ns/m].
 
-    Where friction still falls there, its slope d/dv (Fs - Fc) exp(-(v/vs)^2) is in it, for vs up to the fastest [m/s].
+    If friction still falls there, its slope d/dv (Fs - Fc) exp(-(v/vs)^2) is part of it, for vs up to the fastest
+    [m/s].
     """
     v = float(np.abs(sliding.velocities).min())
     vs = float(np.fmin(fastest, v))  # at vs = v it is steepest
@@ -493,10 +494,10 @@ def _falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
 
 
 def _spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:
-    """Spring [N/m] and damper [Ns/m] that come closest to the friction force of a level, each with its deviation.
+    """Return spring [N/m] and damper [Ns/m] closest to the friction force of a level, each with its deviation.
 
-    Last the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None where the motion is
-    too small, or friction is more of a damper than a spring, as where it slides.
+    Then the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None if the motion is too
+    small, or if friction is more of a damper than a spring, as it is while it slides.
     """
     motion = motion_of_record(record, 1)
     kept = motion.excited & (motion.omega < _rigid_edge(sliding))

@@ -1,4 +1,4 @@
-"""A class of friction from measured levels: from their BLAs, from their records, or from what was identified."""
+"""A class of friction from measured levels: from their BLAs, from their records, or from an identified fit."""
 
 from __future__ import annotations
 
@@ -22,40 +22,41 @@ def friction_class(
     free: bool = False,
     masses: int = 1,
 ) -> FrictionClass:
-    """Read machine and presliding stiffness at three levels or more, from BLAs or records, for `prove_friction`.
+    """Return machine and friction class from three levels or more, as BLAs or records, for `prove_friction`.
 
-    **Records** are read by `identify_friction`, whose result may be given in their place. The delay is in it, and the
-    class uses the ends of intervals of 95 %. The axis is one rigid mass in the band, or a motor and a load.
+    Use this if the friction law is unknown but the axis was measured at several levels of excitation. For a class whose
+    limits are known, use `any_maxwell_slip` directly.
 
-    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element
-    that slips. The machine gets the least k that the highest level allows within three standard deviations, less what k
-    may fall once more when the force doubles again. The class gets the stiffness from k of the highest level to that at
-    rest, extrapolated from the lowest levels, times a margin, and what the machine was lowered by. The damping is left
-    at zero.
+    **Records** go through `identify_friction`, whose result may be given instead. The result has a delay, and the class
+    uses the ends of 95 % intervals. The axis is one rigid mass in the band, or a motor and a load.
 
-    A flexible machine, or BLAs with a delay, need a `nominal`, fitted at the lowest level, where the friction is a
-    spring, or at the highest, where it is none: what it leaves of the levels is the friction. It is proved without
-    damping and with that of the fit (`FrictionClass.machines`).
+    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines; the last term is an
+    element that slips. The machine gets the lowest k that the highest level allows within three standard deviations,
+    minus the possible further fall of k over one more doubling of the force. K0 is the stiffness at rest, extrapolated
+    from the lowest levels, minus k of the highest level; times a margin; plus the reduction of k. The damping is zero.
+
+    A flexible machine, or BLAs with a delay, need a `nominal`. Fit it at the lowest level, where the friction is a
+    spring, or at the highest, where it has no stiffness. The difference of the levels from the nominal is the friction.
+    Proofs use the nominal without damping and with its damping (`FrictionClass.machines`).
 
     Parameters
     ----------
     blas : sequence of Bla, or of Record, or FrictionFit
-        From force [N] to position [m], of one machine, at levels from sticking to sliding. Records are at rest, and
+        From force [N] to position [m], for one machine, at levels from sticking to sliding. Records are at rest;
         several periods of each show the noise.
     nominal : NominalFit, control.StateSpace or FrictionPlant, optional
-        From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[0],
-        n_poles=4, n_zeros=2)``); or a machine with a friction port of its own. The delay of a fit is kept. With BLAs
-        alone.
+        From force to position where friction acts, with at least two poles more than zeros (``fit_nominal(blas[0],
+        n_poles=4, n_zeros=2)``); or a machine with one friction port. The delay of a fit is kept. Only with BLAs.
     stiction : float
-        Largest over smallest force of a slider: no frequency response shows it. Of records at least the upper end of
-        what was identified.
+        Largest over smallest force of a slider; no frequency response shows it. For records at least the upper end of
+        the estimate.
     margin : float
-        Times the presliding stiffness that was read.
+        Factor on the estimated presliding stiffness.
     free : bool
-        Whether there is no spring to ground. With records alone: BLAs always leave a spring open.
+        True for an axis without a spring to ground. Only with records: BLAs always leave a spring open.
     masses : int
-        2 for a motor and a load with friction on both, the encoder on the motor; takes up to half a minute. With
-        records alone.
+        2 for a motor and a load with friction on both and the encoder on the motor; takes up to half a minute. Only
+        with records.
 
     Returns
     -------
@@ -64,9 +65,10 @@ def friction_class(
     Raises
     ------
     ValueError
-        Fewer than three levels; BLAs and records together; a turned sign; a delay of BLAs or a misfit that the model
-        does not explain; two lowest levels that are alike, or so different in stiffness that neither sticks; a highest
-        level that still sticks. Of records any gap that leaves the machine or K0 open (`FrictionFit.questions`).
+        Fewer than three levels; BLAs and records together; a reversed sign; BLAs with a delay or a misfit that the
+        model does not explain; two lowest levels that are equal, or so different in stiffness that neither sticks; a
+        highest level that still sticks. For records any gap that leaves the machine or K0 open
+        (`FrictionFit.questions`).
 
     References
     ----------
@@ -96,7 +98,7 @@ def friction_class(
     if records and measured:
         raise ValueError(
             f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a BLA has lost the "
-            "motion that a record is read by. Take the records of all levels, or identify them"
+            "motion that the estimate from records needs. Take the records of all levels, or identify them"
         )
     if not records:
         if free:

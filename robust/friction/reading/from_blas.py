@@ -1,4 +1,4 @@
-"""Machine and stiffness of the friction, read from BLAs at several levels; what the levels do not give is refused."""
+"""Machine and stiffness of the friction from BLAs at several levels; levels that do not determine them are refused."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from robust.lti.sampling import hold_correction
 
 # ---- Fit of one measured level: spring, mass and damper of a machine whose friction partly slips, with a misfit test.
 #
-# The reaction at the friction port, force over displacement, is the N that explains a level around a machine: a
-# nominal, or one free mass, around which it is 1/G but for that mass. It is fitted over all lines by
+# The reaction N at the friction port, force over displacement, is the difference of a level from a machine: a nominal,
+# or one free mass, for which it is 1/G without that mass. It is fitted over all lines by
 #
 #     H(w) = k - m w^2 + j c w + a j w/(j w + b),    a >= 0,  b inside the band,
 #
-# weighted by the variance of every line. The last term is an element that slips: the motion at the resonance lets it
-# slip, so that it is a damper far below b and a spring a far above. Without it a level that slips misses its lines by
-# several times their scatter, and the mass by 2 % and more (Maxwell slip of 64 kN/m on 80 kN/m).
+# weighted by the variance of every line. The last term is an element that slips: at frequencies far below b it is a
+# damper, far above b a spring a. Without it a level that slips misses its lines by several times their scatter, and the
+# mass by 2 % and more (Maxwell slip of 64 kN/m on 80 kN/m).
 #
-# Two stiffnesses come out. The one without the last term is k_eq, that of the whole friction at this amplitude. k with
-# that term is what is left below the rate at which elements slip: what slips is not in it, what sticks is.
+# Two stiffnesses result. The fit without the last term gives k_eq, that of the whole friction at this amplitude. In the
+# fit with that term k is the stiffness below the rate of slip: without elements that slip, with elements that stick.
 
 #: Half-width of every interval, in standard deviations.
 SIGMAS = 3.0
-#: Error of a linear model relative to |G| that no refusal is made of (calibration, finite steps of a simulation).
-#: Without noise and distortion the variances are at rounding, where every model misses them.
+#: Error of a linear model relative to |G| that causes no refusal (calibration, finite steps of a simulation). Without
+#: noise and distortion the variances are at rounding, and every model misses them.
 _MODEL_ERROR = 0.01
-#: Chance that the misfit test refuses a level that the model explains.
+#: Probability that the misfit test refuses a level that the model explains.
 _FALSE_ALARM = 1e-3
-#: Rates b that are tried, per level. Twice as many move the bounds of k by less than 1 % of the fitted standard
-#: deviation (the six frictions of benchmarks/read_class.py).
+#: Number of rates b that are tried at a level. Twice as many move the bounds of k by less than 1 % of the fitted
+#: standard deviation (the six frictions of benchmarks/read_class.py).
 _N_RATES = 40
 #: Gauss-Newton steps for the delay.
 _DELAY_STEPS = 8
@@ -54,11 +54,11 @@ class _Reaction:
     omega : (W,) ndarray
         [rad/s].
     H, std : (W,) ndarray
-        Force over displacement [N/m], and its standard deviation, the model error included.
+        Force over displacement [N/m], and its standard deviation, which includes the model error.
     gain : (W,) ndarray
-        How much H changes [N/m] where G changes by its own size.
+        Change of H [N/m] if G changes by its own size.
     delayed : callable
-        H for a measured FRF that is less delayed by tau [s], and its derivative by tau.
+        Function of tau [s]: H for a measured FRF with a delay shorter by tau, and its derivative by tau.
     dof : (W,) ndarray
         Complex degrees of freedom behind the variance of each line.
     """
@@ -73,7 +73,7 @@ class _Reaction:
 
 @value
 class _LevelFit:
-    """What one level gives.
+    """Estimates from one level.
 
     Fields
     ------
@@ -82,22 +82,22 @@ class _LevelFit:
     stiffness, stiffness_std : float
         k_eq of the fit without the slipping element, and its standard deviation [N/m].
     mass, mass_std : float
-        [kg], from the fit with the slipping element, that of the machine at its port included.
+        Mass [kg] from the fit with the slipping element, including that of the machine at its port.
     slow : float
         k [N/m] of the fit with the slipping element.
     slow_low, slow_high : float
         Its profile-likelihood interval of `SIGMAS` standard deviations [N/m].
     misfit, misfit_limit : float
-        Mean square misfit over the variance of the lines with the slipping element, and where it is refused.
+        Mean square misfit over the variance of the lines with the slipping element, and its limit for a refusal.
     slips_below : float
-        Lowest line [Hz] where the element slips more slowly than it, so that most of it is read as k; else nan.
+        Lowest line [Hz] if the element slips more slowly than it, so that most of the element counts as k; else nan.
     delay, delay_std : float
-        Delay [s] that is in the data beyond the model, and its standard deviation.
+        Delay [s] in the data beyond that of the model, and its standard deviation.
     misfit_without_delay : float
-        The misfit once that delay is taken off.
+        Misfit after that delay is removed.
     softening, softening_std : float
-        Coefficient of -w^4 [N s^4/m] that a fit with this term asks for, and its standard deviation: a load on a spring
-        of antiresonance w_a far above the band adds m_load/w_a^2 to it.
+        Coefficient of -w^4 [N s^4/m] in a fit with this term, and its standard deviation: a load on a spring with an
+        antiresonance w_a far above the band adds m_load/w_a^2 to it.
     """
 
     force: float
@@ -130,9 +130,9 @@ class _Solution:
 
 
 def _reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float) -> _Reaction:
-    """The friction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), times its delay, solved for N.
+    """Return the reaction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), with its delay, for N.
 
-    error : (W,) standard deviation of the machine's own response, relative to it.
+    error : (W,) standard deviation of the response of the machine, relative to it.
     """
     omega = bla.omega
     ym, yp, xm, xp = _port_responses(machine, omega)
@@ -145,18 +145,18 @@ def _reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float
 
     H, slope = delayed(0.0)
     gain = np.abs(slope) / omega
-    # an error of G_ym alone moves N by 1/(G_yp G_xm) where force, sensor and port are one, and about so elsewhere
+    # an error of G_ym alone changes N by 1/(G_yp G_xm) if force, sensor and port are one, and by about that elsewhere
     std = np.hypot(_relative_std(bla) * gain, error * np.abs(ym / (yp * xm)))
     return _Reaction(omega=omega, H=H, std=std, gain=gain, delayed=delayed, dof=bla.dof)
 
 
 def free_mass(bla: Bla) -> FrictionPlant:
-    """Return the mass that the highest line shows without spring and friction, the machine where none was given."""
+    """Return the mass that the highest line shows without spring and friction: the machine if none was given."""
     return friction_plant(float(1 / (bla.omega[-1] ** 2 * np.abs(bla.G[-1]))), 0.0)
 
 
 def _port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
+    """Return (W,) each: measured over force, measured over port force, port displacement over force and port force."""
     n = machine.A.shape[0]
     pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
     push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
@@ -166,7 +166,7 @@ def _port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarr
 
 
 def _relative_std(bla: Bla) -> np.ndarray:
-    """Return (W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
+    """Return (W,) standard deviation of G relative to |G|, including the error of a linear model."""
     return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + _MODEL_ERROR**2))
 
 
@@ -176,9 +176,9 @@ def _port_mass(machine: FrictionPlant) -> float:
 
 
 def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> _LevelFit:
-    """Fit what a machine leaves of one level, with and without a slipping element; test it for misfit and delay.
+    """Fit the difference of one level from a machine, with and without a slipping element; test misfit and delay.
 
-    error : (W,) standard deviation of the machine's own response, relative to it.
+    error : (W,) standard deviation of the response of the machine, relative to it.
     """
     reaction = _reaction_around(bla, machine, error)
     omega, H, std = reaction.omega, reaction.H, reaction.std
@@ -216,7 +216,7 @@ def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0)
 
 
 def _regressors(omega: np.ndarray, rate: float) -> np.ndarray:
-    """Return the (W, 3 or 4) columns of k, m, c, and of a where the slipping element has a rate."""
+    """Return the (W, 3 or 4) columns of k, m, c, and of a if the slipping element has a rate."""
     columns = [np.ones(omega.size), -(omega**2), 1j * omega]
     if np.isfinite(rate):
         columns.append(1j * omega / (1j * omega + rate))
@@ -224,7 +224,7 @@ def _regressors(omega: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, rate: float) -> _Solution:
-    """Real parameters of complex columns, by QR of the columns scaled to unit length."""
+    """Return real parameters for complex columns, by QR of the columns scaled to unit length."""
     table = np.vstack([(columns / std[:, None]).real, (columns / std[:, None]).imag])
     target = np.concatenate([(wanted / std).real, (wanted / std).imag])
     unit = np.linalg.norm(table, axis=0)
@@ -244,10 +244,10 @@ def _least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, 
 
 
 def _variance_inflation(solution: _Solution, misfit: float) -> float:
-    """Factor on the variances of a fit: its misfit above one, and neighbouring residuals that are alike.
+    """Return a factor on the variances of a fit: its misfit above one, and the correlation of neighbouring residuals.
 
     Distortion of random phases is independent from line to line. Residuals with a correlation r between neighbours are
-    a smooth error of the model, and count as (1 - r)/(1 + r) times as many lines.
+    a smooth model error, and count as (1 - r)/(1 + r) times as many lines.
     """
     r = solution.residual
     power = float((np.abs(r) ** 2).sum())
@@ -257,7 +257,7 @@ def _variance_inflation(solution: _Solution, misfit: float) -> float:
 
 
 def _profile_interval(solutions: list[_Solution], i: int, *, least: float, spread: float) -> tuple[float, float]:
-    """Profile-likelihood interval of parameter i over all rates of the slipping element."""
+    """Return the profile-likelihood interval of parameter i over all rates of the slipping element."""
     low, high = np.inf, -np.inf
     for one in solutions:
         allowance = SIGMAS**2 * spread - (one.chi - least)
@@ -268,10 +268,10 @@ def _profile_interval(solutions: list[_Solution], i: int, *, least: float, sprea
 
 
 def _misfit_limit(dof: np.ndarray, free: int) -> float:
-    """Misfit that lines of a right model exceed with the chance `_FALSE_ALARM`.
+    """Return the misfit that lines of a right model exceed with probability `_FALSE_ALARM`.
 
-    A squared residual over a variance of L complex degrees of freedom is F(2, 2 L), of mean L/(L - 1). The windows
-    behind the variances overlap, so that each line brings at most one degree of freedom of its own to their mean.
+    A squared residual over a variance of L complex degrees of freedom is F(2, 2 L), with mean L/(L - 1). The windows
+    behind the variances overlap, so each line contributes at most one degree of freedom of its own to their mean.
     """
     worth = np.clip(dof, 2.0, 1e9)
     mean = float(np.mean(worth / (worth - 1)))
@@ -279,7 +279,7 @@ def _misfit_limit(dof: np.ndarray, free: int) -> float:
 
 
 def _fit_delay(reaction: _Reaction, best: _Solution) -> tuple[float, float, float]:
-    """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
+    """Return the remaining delay of the data [s], its standard deviation, and the misfit after it is removed."""
     tau = 0.0
     for _ in range(_DELAY_STEPS):
         H, slope = reaction.delayed(tau)
@@ -289,10 +289,10 @@ def _fit_delay(reaction: _Reaction, best: _Solution) -> tuple[float, float, floa
 
 
 def _fit_softening(reaction: _Reaction, best: _Solution) -> tuple[float, float]:
-    """Coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
+    """Return the coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
 
-    One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
-    raise by 1 % where that line has a few per cent of noise.
+    A test of one term has far more power than the total misfit: a mode at twice the highest line raises the misfit by
+    less than 1 % if that line has a few per cent of noise.
     """
     return _fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
 
@@ -302,7 +302,7 @@ def _fit_one_more(
 ) -> tuple[float, float, float]:
     """Return amount, standard deviation and misfit of one more term with this column (W,); size : of the term.
 
-    The model error may be alike on all lines, and is then no less for their number.
+    The model error may be equal on all lines, so its contribution does not fall with their number.
     """
     columns = np.column_stack([_regressors(reaction.omega, best.rate), column])
     solution = _least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
@@ -313,28 +313,28 @@ def _fit_one_more(
     return float(solution.found[-1]), float(np.sqrt(variance)), misfit
 
 
-#: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
-#: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
+#: Largest share of the friction stiffness that may be missing at the second lowest level, and that the extrapolation to
+#: rest may add to the lowest. Sliding friction loses at least the power 3/2 of its stiffness in amplitude, so two
 #: levels that slide fail one of the two conditions, whatever their ratio.
 _STIFFNESS_AGREEMENT = 0.2
 
 
 @value
 class _Model:
-    """What the levels are read around.
+    """The machine around which the levels are fitted.
 
     Fields
     ------
     machines : tuple of FrictionPlant
-        The machine with each damping that is to be proved; the levels are read around the last.
+        The machine with each damping of a proof; the levels are fitted around the last.
     error : (L, W) list of ndarray
         Standard deviation of its response at the lines of each level, relative to it.
     least : float
-        Least stiffness that may be added to it [N/m].
+        Lowest stiffness that may be added to it [N/m].
     name, order, cure : str
-        What it is, with what friction it explains a level, and what else to read around.
+        Phrases: the model, the model with its friction at one level, and advice for another model.
     description : str
-        What is said of it in the evidence.
+        Phrase for the evidence.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -347,7 +347,7 @@ class _Model:
 
 
 def model_of(blas: list[Bla], nominal: object) -> _Model:
-    """Return the nominal as a machine, or one free mass where none was given."""
+    """Return the nominal as a machine, or one free mass if there is no nominal."""
     if nominal is None:
         return _Model(
             machines=(free_mass(blas[0]),),
@@ -371,7 +371,7 @@ def model_of(blas: list[Bla], nominal: object) -> _Model:
 
 
 def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
-    """Read machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
+    """Return machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
     own = getattr(nominal, "position_unit", "")
     position_unit = require_levels(
         "blas", [(bla.y_unit or own, bla.u_unit) for bla in blas], [bla.f.size for bla in blas]
@@ -398,7 +398,7 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
             for one, more in zip(model.machines, added, strict=True)
         )
     lowest, highest = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
-    fallen = f" and {fell / 1e3:.2g} {kilo}, what it fell by when the force doubled," if fell else ""
+    fallen = f" and {fell / 1e3:.2g} {kilo}, its fall over the last doubling of the force," if fell else ""
     widened = f"{SIGMAS:g} standard deviations{fallen} below the {top.slow / 1e3:.4g} {kilo} of the highest level"
     around, where, damping = "", "", f", c = 0 {units.damping}"
     if model.description:
@@ -412,13 +412,13 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
         stiffness_std=top.stiffness_std,
         K0=np.array([rest - top.slow]),
         stiction=np.array([np.nan]),
-        source=f"read from {len(fits)} levels from {lowest:.3g} to {highest:.4g} Hz (a mode beyond is not in it)",
+        source=f"read from {len(fits)} levels from {lowest:.3g} to {highest:.4g} Hz (without modes above this band)",
         description=(
             f"{around}m = {mass:.4g} +- {mass_std:.1g} {units.mass} (one standard deviation), k = {low / 1e3:.4g} "
             f"{kilo}{where} ({widened}){damping}"
         ),
         K0_note=(
-            f"what is between the highest level and {rest / 1e3:.4g} {kilo} at rest, and what is below it down to k"
+            f"the difference between {rest / 1e3:.4g} {kilo} at rest and the highest level, plus the reduction of k"
         ),
         stiction_note="",
         misfit=f"misfit at most {max(fit.misfit for fit in fits):.2g} times the variance of the lines",
@@ -426,7 +426,7 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
 
 
 def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]:
-    """Fit what a machine leaves of every level; return it with the delay that all levels show, and the fits."""
+    """Fit the difference of every level from a machine; return the model with the delay of all levels, and the fits."""
 
     def fitted(machine: FrictionPlant) -> list[_LevelFit]:
         return [fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)]
@@ -434,7 +434,7 @@ def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]
     fits, known = fitted(model.machines[-1]), model.machines[-1].delay
     if not known:
         return model, fits
-    # a delay that was estimated where friction slips has taken some of its phase: all levels together know better
+    # a delay that was estimated while friction slips has absorbed some of its phase: all levels together are better
     tau = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])[0]
     machines = tuple(replace(one, delay=max(0.0, known + tau)) for one in model.machines)
     description = f"{model.description}, with {1e3 * machines[-1].delay:.4g} ms of delay"
@@ -442,9 +442,9 @@ def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]
 
 
 def _read_stiffness(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> tuple[float, float, float]:
-    """Return the least stiffness at the highest level, the largest at rest [N/m], and what it fell by an octave.
+    """Return the lowest stiffness at the highest level, the largest at rest [N/m], and the fall per octave of force.
 
-    The highest level comes first; what the levels do not give is refused.
+    The highest level comes first. Levels that do not determine the stiffness are refused.
     """
     top, lowest = fits[0], fits[-1]
     second = next((fit for fit in fits if fit.force <= top.force / 2), lowest)
@@ -459,13 +459,13 @@ def _read_stiffness(fits: list[_LevelFit], model: _Model, units: MechanicalUnits
     if np.isfinite(top.slips_below):
         raise ValueError(
             "blas must reach so high that the friction slides: at the highest level it slips more slowly than the "
-            f"lowest line, {top.slips_below:.3g} Hz, so that it is read as a spring of the machine. Measure at a "
+            f"lowest line, {top.slips_below:.3g} Hz, so that it counts as a spring of the machine. Measure at a "
             "higher level, or from a lower frequency on"
         )
     if top.slow - low > lost:
         raise ValueError(
             f"blas must reach so high that the friction slides: at the highest level the stiffness of the machine is "
-            f"known to {(top.slow - low) / 1e3:.4g} {units.stiffness} only, as much as was lost to it "
+            f"uncertain by {(top.slow - low) / 1e3:.4g} {units.stiffness}, more than its loss to sliding "
             f"({lost / 1e3:.4g} {units.stiffness}). "
             "Measure at a higher level, or for longer"
         )
@@ -473,7 +473,7 @@ def _read_stiffness(fits: list[_LevelFit], model: _Model, units: MechanicalUnits
 
 
 def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> tuple[float, float]:
-    """Return mass and its standard deviation [kg]; refuse a turned sign, a delay, and levels that no model explains."""
+    """Return mass and its standard deviation [kg]; refuse a reversed sign, a delay, and levels that no model fits."""
     if all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
         raise ValueError(
             f"blas must be from force to position, got a mass of {fits[0].mass:.3g} {units.mass}: the output "
@@ -482,11 +482,12 @@ def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> 
     tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
     worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)
     explained = all(fit.misfit_without_delay <= fit.misfit_limit for fit in fits)
-    # a lead is not refused: elements of several rates read as up to 0.04 ms of it (benchmarks/read_class.py, seed 0)
+    # a lead is not refused: elements with several rates look like up to 0.04 ms of it (benchmarks/read_class.py, seed
+    # 0)
     if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):
         raise ValueError(
             f"blas must have no other delay than {model.name}, got {1e3 * tau:.3g} +- {1e3 * tau_std:.1g} ms more: it "
-            "would be missing in the loop, or be read as softness. Give a nominal with it: "
+            "would be missing in the loop, or look like softness. Give a nominal with it: "
             'fit_nominal(blas[0], n_poles=2, n_zeros=0, delay="estimate")'
         )
     softening, softening_std = weighted_mean([fit.softening for fit in fits], [fit.softening_std for fit in fits])
@@ -499,26 +500,26 @@ def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> 
     if worst.misfit > worst.misfit_limit:
         raise ValueError(
             f"blas must be of {model.order}: a level misses this model by {worst.misfit:.3g} times the variance of its "
-            f"lines ({worst.misfit_limit:.3g} is chance), so that neither its mass nor its stiffness is right. "
+            f"lines ({worst.misfit_limit:.3g} is chance), so neither its mass nor its stiffness is right. "
             f"{model.cure}"
         )
     return weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
 
 
 def highest_level(blas: Sequence[Bla]) -> int:
-    """Return the BLA whose friction slips most: it adds no stiffness there, and the least damping.
+    """Return the BLA whose friction slips most: there it adds no stiffness, and the least damping.
 
-    Gains at the lowest line within 5 % of each other count as equal, because levels that all slip differ by chance.
+    Gains at the lowest line within 5 % of each other count as equal: levels that all slip differ by chance only.
     """
     gains = [abs(bla.G[0]) for bla in blas]
     return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
 
 
 def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalUnits) -> float:
-    """Stiffness [N/m] at vanishing motion, extrapolated from the lowest level and the one that tells most with it.
+    """Return the stiffness [N/m] at rest, extrapolated from the lowest level and the most informative other one.
 
     A virgin curve with a second derivative at rest loses stiffness in proportion to the amplitude: the loss from rest
-    to the lowest level is the loss between two levels over their ratio less one. Smoother curves lose less. The
+    to the lowest level is the loss between two levels, divided by their ratio minus one. Smoother curves lose less. The
     ratio is that of the forces: at a sharp resonance the displacement hardly grows once elements slip.
     """
     lowest = fits[-1]

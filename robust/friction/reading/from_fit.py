@@ -1,4 +1,4 @@
-"""Machine and friction of a fit, one mass or motor and load, with the ends of the intervals that a proof assumes."""
+"""Machine and friction of a fit, for one mass or for motor and load, with the interval ends that a proof assumes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PORTS = ("motor", "load")
 def interval_at_port(fit: FrictionFit, name: str, port: str) -> tuple[float, float]:
     """Return the 95 % interval of mass, K0, Fs or Coulomb friction at the motor or the load.
 
-    Of the motor it is the difference of two numbers, whose deviations are added.
+    For the motor it is the difference of two numbers; their deviations are added.
     """
     if port == "load":
         return fit.interval(f"load_{name}")
@@ -31,9 +31,10 @@ def interval_at_port(fit: FrictionFit, name: str, port: str) -> tuple[float, flo
 def plant_of_fit(
     fit: SlidingFit | FrictionFit, *, spring: float = 0.0, load_share: float = 0.5, encoder: str = "motor"
 ) -> FrictionPlant:
-    """Return the machine of a fit without its friction, of one mass or of motor and load, with its delay.
+    """Return the machine of a fit without its friction but with its delay, for one mass or for motor and load.
 
-    spring : to ground [N/m]. load_share : of the viscous friction, at the load. encoder : "motor" or "load".
+    spring : stiffness to ground [N/m]. load_share : share of the viscous friction at the load. encoder : "motor" or
+    "load".
     """
     unit, damping = position_unit_of(fit.units[1]), max(0.0, fit.damping)
     plant = (
@@ -55,17 +56,17 @@ def plant_of_fit(
 
 
 def largest_damping(fit: FrictionFit) -> float:
-    """Return the upper end of the viscous friction [Ns/m]; zero where the levels leave it open."""
+    """Return the upper end of the viscous friction [Ns/m]; zero if the levels leave it open."""
     return max(0.0, fit.interval("damping")[1]) if np.isfinite(fit.stds["damping"]) else 0.0
 
 
 def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
-    """Return the machine without viscous friction, and with numbers at the ends of their intervals.
+    """Return the machine without viscous friction, and machines with numbers at the ends of their intervals.
 
-    The first is as it was read, with the lower ends of spring to ground and of the damper of the coupling. Of one mass
-    the others have both ends of mass and of viscous friction; of motor, load and coupling one of them at an end each.
-    The viscous friction of the last two, the upper end of that of both together, is all at the motor and all at the
-    load.
+    The first is the estimate, with the lower ends of the spring to ground and of the damper of the coupling. For one
+    mass the others combine both ends of mass and of viscous friction. For motor, load and coupling each other machine
+    has one of them at an end. The last two have the upper end of the total viscous friction, all at the motor and all
+    at the load.
     """
     viscous, spring = largest_damping(fit), max(0.0, fit.interval("stiffness")[0])
     read = replace(fit, damping=0.0)
@@ -85,7 +86,7 @@ def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
 
 
 def read_fit(fit: FrictionFit) -> MachineRead:
-    """Return what was identified, with the ends of the intervals; refuse a fit that leaves machine or K0 open."""
+    """Return an identified fit with the ends of its intervals; refuse a fit that leaves machine or K0 open."""
     if fit.reason:
         raise ValueError(f"fit must leave neither machine nor K0 open, got: {fit.reason}")
     low, half_delay, machine = (
@@ -124,17 +125,17 @@ def read_fit(fit: FrictionFit) -> MachineRead:
             f"{described}; {1e3 * machine.delay:.3g} +- {1e3 * half_delay:.1g} ms of delay (its lag taken for delay); "
             "c = 0"
         ),
-        K0_note=f"the upper end, and what k was lowered by, given that no element {seen}",
-        stiction_note=f", of which {fit.stiction:.3g} +- {HALF_WIDTH * fit.stds['stiction']:.1g} were read",
+        K0_note=f"the upper end, plus the reduction of k, given that no element {seen}",
+        stiction_note=f", from an estimate of {fit.stiction:.3g} +- {HALF_WIDTH * fit.stds['stiction']:.1g}",
         misfit=f"at most {100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained",
     )
 
 
 def _describe_spring(fit: FrictionFit) -> str:
-    """Describe the spring to ground that is assumed, the lower end of what was read."""
+    """Describe the assumed spring to ground, the lower end of the estimate."""
     units, low = mechanical_units(position_unit_of(fit.units[1])), fit.interval("stiffness")[0]
     if not fit.stds["stiffness"]:
-        return "no spring, as was assumed"
+        return "no spring (assumed)"
     if low < 0:
-        return f"k = 0 (+- {HALF_WIDTH * fit.stds['stiffness'] / 1e3:.2g} {units.stiffness} were read)"
+        return f"k = 0 (its estimate is within +- {HALF_WIDTH * fit.stds['stiffness'] / 1e3:.2g} {units.stiffness})"
     return f"k = {low / 1e3:.4g} {units.stiffness} (lower end)"

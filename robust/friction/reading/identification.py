@@ -1,4 +1,4 @@
-"""Machine and friction identified from records at several levels, sticking to sliding, and what they leave open."""
+"""Machine and friction identified from records at several levels, from sticking to sliding, and the open questions."""
 
 from __future__ import annotations
 
@@ -60,38 +60,39 @@ from robust.friction.reading.levels import FEWEST_LINES, require_levels
 from robust.friction.reading.load import linear_load, start_with_load
 from robust.friction.units import format_length
 
-#: (share of the time steps, shrinkage by noise) of fits that ought to give the same. What they differ by is in every
-#: interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
+#: (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their differences enter
+#: every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
 _ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
-#: The same as `FORCE_ERROR` for two masses, as the force of the load is simulated. Six runs of the belt were off by up
-#: to 0.2 % of Fs and of the friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers, dampings of one
-#: run, were outside their intervals.
+#: `FORCE_ERROR` for two masses, whose load is simulated. Six runs of the belt were off by up to 0.2 % of Fs and of the
+#: friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers, dampings of one run, were outside their
+#: intervals.
 _LOAD_ERROR = 2e-3
-#: Share of the force or of Fs that may be left unexplained at a level, noise taken off. The preset of one mass leaves
+#: Share of the force or of Fs that may stay unexplained at a level beyond noise. The preset of one mass leaves
 #: 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
 _MOST_UNEXPLAINED = 0.02
 #: Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may slip at the lowest
 #: level.
 _MOST_LATE, _MOST_EARLY = 0.1, 0.2
-#: Where the outer part of the swing begins. What sticks throughout the swing is a spring. No free axis has one; beside
-#: a spring to ground it is read as part of that. With a highest level of 0.6 times the break-away force k was 23, 25
-#: and 48 % of K0 too high on three random machines (benchmarks/read_machine.py): one element was not seen, the others
-#: broke away up to 0.32, 0.41 and 0.24 of the swing. Of 26 sets with one of 4 or 5.5 times 25 have less than 0.2.
+#: Start of the outer part of the swing. An element that sticks throughout the swing is a spring: a free axis has none,
+#: and with a spring to ground it looks like a part of it. With a highest level of 0.6 times the break-away force k was
+#: 23, 25 and 48 % of K0 too high on three random machines (benchmarks/read_machine.py): one element was not seen, the
+#: others broke away up to 0.32, 0.41 and 0.24 of the swing. Of 26 sets with a highest level of 4 or 5.5 times, 25 stay
+#: below 0.2.
 _OUTER_OF_FREE, _OUTER_WITH_SPRING = 0.75, 0.2
-#: Standard deviations by which a lag has to be longer than the delay that contains it, to be a mode.
+#: Standard deviations by which a lag must exceed the delay that contains it to count as a mode.
 _DISTINCT = 3.0
-#: Share of Fs that may be at motor or load, by the half-width of its interval, before the two are taken for one.
+#: Share of Fs that may lie at either motor or load, by the half-width of its interval, before they are inseparable.
 _MOST_SPLIT = 0.1
 #: Levels whose forces differ by less than this factor are one level.
 _SAME_LEVEL = 1.3
 
 
 class Gap(enum.Enum):
-    """What the levels can leave open.
+    """A kind of question that the levels can leave open.
 
     References
     ----------
-    docs/guide/axis.md: the tests behind each.
+    docs/guide/axis.md: the tests behind each kind.
 
     Examples
     --------
@@ -110,12 +111,12 @@ class Gap(enum.Enum):
 
 @value
 class _OpenQuestion:
-    """Something that the levels leave open, with the number that shows it and what to measure.
+    """A question that the levels leave open: the number that shows it, and what to measure.
 
     Fields
     ------
     kind : Gap
-        What is left open.
+        Kind of the question.
     description : str
         The number that shows it, and what to measure.
 
@@ -139,20 +140,20 @@ class _OpenQuestion:
 
 @value
 class LevelBalance:
-    """What the friction of one level looks like as a spring and a damper, measured and fitted.
+    """The friction of one level as an equivalent spring and damper, measured and fitted.
 
     Fields
     ------
     force, motion : float
         Rms of the force [N] and of the position [m] on the lines.
     stiffness, damping : float
-        Spring [N/m] and damper [Ns/m] closest to the force that the machine without friction leaves.
+        Spring [N/m] and damper [Ns/m] closest to the measured force minus that of the machine without friction.
     stiffness_fit, damping_fit : float
-        Those closest to the force of the fitted elements.
+        Spring and damper closest to the force of the fitted elements.
     unexplained : float
-        What the fit leaves of the force, noise taken off, over the force or Fs, whichever is more (rms).
+        Rms of the force that the fit does not explain, beyond noise, over the force or Fs, whichever is larger.
     noise : float
-        What noise explains, over the same.
+        Rms of the force that noise explains, over the same.
 
     References
     ----------
@@ -177,37 +178,37 @@ class LevelBalance:
 
 @value
 class FrictionFit(NumbersRead):
-    """Machine and friction identified from all levels together, given Maxwell slip.
+    """Machine and friction identified from all levels together, under the assumption of Maxwell slip.
 
     Fields
     ------
     mass, damping, stiffness : float
-        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); of motor and load together.
+        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); for motor and load together.
     K0, Fs, coulomb, stiction : float
-        Presliding stiffness [N/m] and break-away force [N] of all elements together, the force at speed [N], and the
+        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force at speed [N], and
         ratio of the two forces.
     vs : float
-        Velocity of Stribeck at the motor [m/s]; infinite where no stiction is seen.
+        Stribeck velocity at the motor [m/s]; infinite if no stiction is seen.
     delay, lag : float
-        From the command to the force [s]: the whole delay, and the part of it that is a lag of first order.
+        Delay from the command to the force [s]: the whole delay, and the part of it that is a first-order lag.
     softening : float
-        Coefficient of -w^4 [N s^4/m]: a mode above the band; zero where none is seen.
+        Coefficient of -w^4 [N s^4/m], for a mode above the band; zero if none is seen.
     stds : dict of str to float
-        Standard deviation of each of these numbers, infinite where the levels leave it open.
+        Standard deviation of each of these numbers; infinite if the levels leave it open.
     element_stiffness, element_strength : (E,) ndarray
-        Stiffness [N/m] and strength [N] of the elements at the motor, the one that breaks away first, first.
+        Stiffness [N/m] and strength [N] of the elements at the motor, in the order of their break-away.
     seen_from : float
-        Displacement [m] below which an element would break away without being seen: K0 holds for elements beyond.
+        Displacement [m] below which an element would break away without being seen: K0 excludes such elements.
     seen_to : float
-        Largest displacement [m] from the middle: an element that sticks there is read as part of the spring to ground.
+        Largest displacement [m] from the middle: an element that still sticks there counts as spring to ground.
     levels : tuple of LevelBalance
-        The highest first.
+        Levels, the highest first.
     questions : tuple of OpenQuestion
-        What the levels leave open.
+        Open questions of the levels.
     units : tuple of str
-        Units of force and position; all others follow.
+        Units of force and position; all other units follow from them.
     load_mass, coupling, coupling_damping : float
-        Of two masses: the load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero of one mass.
+        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for one mass.
     load_K0, load_Fs, load_coulomb : float
         The part of K0, Fs and Coulomb friction that is at the load.
     load_sliders : VaryingSliders, optional
@@ -261,7 +262,7 @@ class FrictionFit(NumbersRead):
 
     @property
     def reason(self) -> str:
-        """Why the levels show no class of friction, the first reason; empty where they do."""
+        """First reason why the levels show no class of friction; empty if they do."""
         for question in self.questions:
             known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
             if question.kind is not Gap.STICTION and not known:
@@ -280,14 +281,14 @@ class FrictionFit(NumbersRead):
         return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
 
 
-#: Highest line, over the antiresonance of the load, of those on which two masses look like one.
+#: Highest line, relative to the antiresonance of the load, at which two masses move like one.
 _RIGID = 1 / 3
-#: Lines that are enough for a spring and a damper.
+#: Number of lines that suffices for a spring and a damper.
 _FEWEST_RIGID = 4
 
 
 def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
-    """Return a level as a spring and a damper, measured and fitted; of two masses where they move as one."""
+    """Return a level as a spring and a damper, measured and fitted; for two masses on lines where they move as one."""
     chosen = level.excited
     left = residual_of(level, candidate)
     spectra = element_spectra(level, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
@@ -317,20 +318,20 @@ def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBa
     )
 
 
-#: What to do where one mass, and where two masses do not explain the levels.
+#: Advice for levels that one mass (False) or two masses (True) do not explain.
 _ANOTHER_MACHINE = {
     False: (
         "Measure to beyond the resonance and take masses=2, or give friction_class the BLAs and a nominal with the mode"
     ),
     True: (
-        "The search may have ended in a wrong minimum: add a level between those that bend. Else look for play, or "
+        "The search may have ended in a wrong minimum: add a level between those that bend. Or look for play, or "
         "measure in motion (identify_sliding)"
     ),
 }
-#: What to do where one mass explains the level that sticks, and none that slips.
+#: Advice for levels of which one mass explains the sticking one and no slipping one.
 _ANOTHER_FRICTION = (
-    "It explains the lowest level, so that it is the friction that is another: it creeps before it slips (LuGre, "
-    "Dahl), or slips at other forces"
+    "It explains the lowest level, so the friction is not Maxwell slip: it creeps before it slips (LuGre, Dahl), or "
+    "slips at other forces"
 )
 
 
@@ -345,13 +346,13 @@ def _questions_of(
     split: float,
     damping: tuple[float, float],
 ) -> Iterator[_OpenQuestion]:
-    """Yield what the levels leave open.
+    """Yield the questions that the levels leave open.
 
     levels : the highest first.
     stuck : stiffness that never slips [N/m].
-    mode : what shows that the machine is not rigid in the band; None where nothing does.
-    split : half-width of the interval of the break-away force of the load [N]; zero of one mass.
-    damping : viscous friction and three standard deviations of it [Ns/m].
+    mode : evidence that the machine is not rigid in the band; None if there is none.
+    split : half-width of the interval of the break-away force of the load [N]; zero for one mass.
+    damping : viscous friction and three of its standard deviations [Ns/m].
     """
     N, speed_unit = units[0], unit_of("L/s", units)
     k, D = candidate.all_elements
@@ -376,7 +377,7 @@ def _questions_of(
             kind=Gap.OTHER_MACHINE,
             description=(
                 f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
-                f"search ended in a wrong minimum, or another delay is taken for it. {_ANOTHER_MACHINE[two]}"
+                f"search ended in a wrong minimum, or another delay is mistaken for it. {_ANOTHER_MACHINE[two]}"
             ),
         )
     delay, period = candidate.numbers["delay"], float(2 * np.pi / levels[0].omega.min())
@@ -393,8 +394,8 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.FLEXIBLE,
             description=(
-                f"the machine is no rigid mass with Maxwell slip in the band: {mode}. What is read holds for "
-                f"no one mass, so that mass and friction are off by several per cent. {_ANOTHER_MACHINE[two]}"
+                f"the machine is no rigid mass with Maxwell slip in the band: {mode}. No single mass fits, so mass "
+                f"and friction are wrong by several per cent. {_ANOTHER_MACHINE[two]}"
             ),
         )
     outer = levels[0].half_swing
@@ -410,7 +411,7 @@ def _questions_of(
             kind=Gap.HIGHEST_LEVEL_STICKS,
             description=(
                 f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
-                "Fs is not known, nor what is spring and what friction. Measure at three times the force"
+                "Fs is not known, nor which part is spring and which friction. Measure at three times the force"
             ),
         )
     inner = float(np.std(levels[-1].x))
@@ -420,8 +421,8 @@ def _questions_of(
             kind=Gap.LOWEST_LEVEL_SLIPS,
             description=(
                 f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
-                f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the "
-                "force"
+                f"{100 * early:.2g} % of K0 slips, and elements that slip earlier are not seen. Measure at a third of "
+                "the force"
             ),
         )
     distinct = _count_distinct(levels)
@@ -438,8 +439,8 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.SPLIT,
             description=(
-                f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may be at "
-                "either. Their sum holds. Measure to beyond the resonance"
+                f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may belong to "
+                "either. Their sum holds. Measure beyond the resonance"
             ),
         )
     if not candidate.terms.stiction:
@@ -447,28 +448,28 @@ def _questions_of(
             kind=Gap.STICTION,
             description=(
                 f"no stiction above Coulomb friction is seen at speeds up to {np.abs(levels[0].v).max():.2g} "
-                f"{speed_unit}; one that needs more speed to fade is part of Fs"
+                f"{speed_unit}; stiction that falls only at higher speeds counts as part of Fs"
             ),
         )
 
 
 def _count_distinct(levels: list[Motion]) -> int:
-    """Return how many levels differ: where friction slides the motion grows, and the force hardly does."""
+    """Return the number of levels that differ: when friction slides, the motion grows and the force hardly does."""
     rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
     return 1 + sum(rise > _SAME_LEVEL for rise in rises)
 
 
-#: Shares of mass and friction that a load is tried to have; only their ratio matters.
+#: Shares of mass and friction that are tried for a load; only their ratio matters.
 _LOADS = ((1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
-#: Bins beyond this multiple of the highest line are left out where a load swings on the motor: noise.
+#: Bins beyond this multiple of the highest line are noise and are left out for an oscillating load.
 _HARMONICS = 3
 
 
 def _compliance_column(level: Motion, candidate: Candidate, mass_share: float, friction_share: float) -> np.ndarray:
-    """Return (M, W) derivative of the force of one mass by the compliance 1/k of what carries a share of it as a load.
+    """Return (M, W) derivative of the force of one mass by the compliance 1/k between it and a share of it as a load.
 
-    The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k it is N0, that of one mass,
-    plus 1/k (m2 w^2 N0 + d/de F2(y - e n0)).
+    The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k this is N0, the reaction of
+    one mass, plus 1/k (m2 w^2 N0 + d/de F2(y - e n0)).
     """
     n = level.x.shape[1]
     omega = 2 * np.pi * level.fs / n * np.arange(n // 2 + 1)
@@ -499,20 +500,20 @@ def _compliance_column(level: Motion, candidate: Candidate, mass_share: float, f
 def _sign_of_mode(
     levels: list[Motion], weights: list[np.ndarray], *, candidate: Candidate, stds: dict[str, float], unit: str
 ) -> str | None:
-    """Return what shows that the machine is not one rigid mass; None where nothing does.
+    """Return the evidence that the machine is not one rigid mass; None if there is none.
 
-    To first order a load on a spring is a term -w^4, and where friction slides it looks like a lag of the force. A lag
-    is a mode where it is longer than the delay that contains it. Where the load has friction, the compliance of what
-    carries it is worth something to the fit, and is positive: of one mass it came out negative or worth nothing
-    (benchmarks/read_machine.py, preset and random machines).
+    To first order a load on a spring is a term -w^4, and while friction slides it looks like a lag of the force. A lag
+    that is longer than the delay that contains it is a mode. If the load has friction, a positive compliance of its
+    connection improves the fit: for one mass it came out negative or without improvement (benchmarks/read_machine.py,
+    preset and random machines).
     """
     if candidate.terms.softening:
-        return f"a term w^4 of {candidate.numbers['softening']:.2g} {unit} is worth it"
+        return f"a term w^4 of {candidate.numbers['softening']:.2g} {unit} improves the fit"
     delay, lag = candidate.numbers["delay"], float(np.sqrt(max(0.0, candidate.numbers.get("lag_squared", 0.0))))
     if lag > delay + _DISTINCT * np.hypot(stds["lag"], stds["delay"]):
         return (
-            f"the force lags as by {1e3 * lag:.3g} +- {1e3 * stds['lag']:.1g} ms, more than its whole delay of "
-            f"{1e3 * delay:.3g} ms, as in front of a mode above the band"
+            f"the force lags by {1e3 * lag:.3g} +- {1e3 * stds['lag']:.1g} ms, more than its whole delay of "
+            f"{1e3 * delay:.3g} ms, as it does below a mode above the band"
         )
     Q, left = tangent_of(levels, weights, candidate)
     tried = []
@@ -521,13 +522,13 @@ def _sign_of_mode(
         tried.append(gain_of(as_real([c / std for c, std in zip(columns, weights, strict=True)]), Q, left))
     worth = max((worth for worth, amount in tried if amount > 0), default=0.0)
     if worth > WORTH:
-        load = "a load that gives way behind the motor, or friction that lets go more slowly,"
+        load = "a flexible load behind the motor, or friction that breaks away more slowly,"
         return f"{load} improves the fit (F ratio {worth:.3g}, chance {WORTH:g})"
     return None
 
 
 def _stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
-    """Stiffness [N/m] of a free axis that no element explains; zero where chance is worth as much."""
+    """Return the stiffness [N/m] of a free axis that no element explains; zero if it may be chance."""
     Q, left = tangent_of(levels, stds, candidate)
     worth, amount = gain_of(as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left)
     return amount if worth > WORTH and amount > 0 else 0.0
@@ -538,35 +539,38 @@ def identify_friction(
 ) -> FrictionFit:
     """Identify one mass, or a motor and a load, with friction from records at several levels, sticking to sliding.
 
-    Mass, viscous damping, spring, delay and the friction come from one fit over all levels, with 95 % intervals. The
-    loop may be open or closed. The friction is Maxwell slip of any elements, with stiction and a Stribeck curve.
+    Mass, viscous damping, spring, delay and friction come from one fit over all levels, with 95 % intervals. The loop
+    may be open or closed. The friction model is Maxwell slip with any elements, stiction and a Stribeck curve.
 
-    With two masses the force acts on the motor and the encoder reads its position. The load hangs on a spring and a
-    damper, and either mass has friction. Measure to beyond the resonance: below it the two are hard to distinguish.
+    Use this for an axis that you can excite at three levels or more, the lowest so low that friction sticks.
+    `friction_class` turns the fit into a class for `prove_friction`.
+
+    With two masses the force acts on the motor, and the encoder measures its position. The load hangs on a spring and a
+    damper, and each mass has friction. Measure beyond the resonance: below it the two are hard to distinguish.
 
     Parameters
     ----------
     records : sequence of Record
-        Force [N] in, position [m] out, periodic and settled; at least three levels, one record each. Several periods
-        show the noise.
+        Force [N] as input, position [m] as output, periodic and settled; at least three levels, one record each.
+        Several periods show the noise.
     free : bool
-        Whether there is no spring to ground. A spring is at the motor.
+        True for an axis without a spring to ground. A spring acts on the motor.
     masses : int
         1, or 2 for a motor and a load.
     sliding : SlidingFit, optional
-        Motor and load in motion, from `identify_sliding`: the search begins with them, and lines on which the step of
-        the encoder makes much of the force, as around the antiresonance, are left out. Without it lines count alike.
+        Motor and load from `identify_sliding`. The search starts from them. Lines on which the step of the encoder
+        makes much of the force, as around the antiresonance, are left out. Without it all lines count equally.
 
     Returns
     -------
     FrictionFit
-        Its `questions` say what the levels leave open.
+        Its `questions` list what the levels leave open.
 
     Raises
     ------
     ValueError
         Masses other than one or two; fewer than three records; several channels; too few lines; units with a prefix; a
-        turned sign.
+        reversed sign.
 
     References
     ----------
@@ -586,11 +590,11 @@ def identify_friction(
     records = _list_levels(records)
     two = masses == 2
     machine = None if sliding is None or not two else linear_load(sliding)
-    # of two masses the errors of the time steps are in `_LOAD_ERROR`
+    # for two masses the errors of the time steps are in `_LOAD_ERROR`
     first, finest = (1, COARSE) if two else (COARSE, FINE)
 
     def motions(steps: float, shrinkage: float = SHRINKAGE) -> list[Motion]:
-        finer = FINE if two else steps  # samples may be few in a cycle of the load
+        finer = FINE if two else steps  # an oscillation of the load may have few samples
         found = [motion_of_record(record, finer, shrinkage, STEPS_PER_CYCLE * steps) for record in records]
         if sliding is None or machine is None:
             return found
@@ -609,18 +613,18 @@ def identify_friction(
             "falls when the input rises. Turn the sign of the sensor"
         )
     known = machine is not None
-    # the other starts guess at the machine
+    # the other starts are guesses of the machine
     candidate = search(coarse, starts[:1] if known else starts, span, KNOWN_IN_MOTION if known else ())
     fine = motions(finest)
-    # of two masses nothing but a fit that explains the levels is worth finer steps
+    # for two masses only a fit that explains the levels is worth finer steps
     refuted = largest_share(coarse, candidate) > (_MOST_UNEXPLAINED if two else REFUTED)
-    if not (two or refuted):  # of two masses each start takes seconds
+    if not (two or refuted):  # for two masses each start takes seconds
         candidate = escape(motions(MEDIUM), candidate, span)
     if not refuted:
         candidate = settle(fine, candidate, span)[1]
     fine = with_branches(fine, candidate)
     stds = reweight(fine, candidate)
-    if refuted:  # no number of it holds
+    if refuted:  # none of its numbers holds
         numbers = derived_numbers(pack(candidate), candidate)
         spread = dict.fromkeys(numbers, np.inf)
     else:
@@ -630,7 +634,7 @@ def identify_friction(
     units = units_of(records[0])
     stuck = _stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
     mode = None
-    if not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED:  # of what is left of more anything is
+    if not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED:  # any term improves a worse fit
         mode = _sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
@@ -655,7 +659,7 @@ def identify_friction(
 
 
 def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
-    """Return the records of at least three levels of one axis, the highest force first; refuse what is none."""
+    """Return the records of at least three levels of one axis, the highest force first; refuse anything else."""
     levels = list(records) if isinstance(records, Iterable) else records
     if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
         raise ValueError(f"records must be a list of Records of one input and output, got {short_form(levels)}")
@@ -664,7 +668,7 @@ def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)
 
 
-#: Numbers that a question leaves open. Of what is not one mass the intervals hold for none.
+#: Numbers that a question leaves open: all of them if the machine is not one mass.
 _LEFT_OPEN = {
     Gap.OTHER_MACHINE: tuple(REPORTED),
     Gap.FLEXIBLE: tuple(REPORTED),
@@ -676,9 +680,9 @@ _LEFT_OPEN = {
 
 
 def _leave_open(spread: dict[str, float], questions: list[_OpenQuestion], stuck: float) -> dict[str, float]:
-    """Return the standard deviations, infinite of what the questions leave open.
+    """Return the standard deviations, infinite for numbers that the questions leave open.
 
-    A stiffness that never slips, of a free axis, is friction, and more than K0 of its elements. What is assumed, such
+    On a free axis a stiffness that never slips is friction, so K0 of the elements is too small. An assumed number, such
     as no spring, has no deviation and is not left open.
     """
     names = {name for question in questions for name in _LEFT_OPEN.get(question.kind, ())} | (
@@ -687,15 +691,15 @@ def _leave_open(spread: dict[str, float], questions: list[_OpenQuestion], stuck:
     return spread | {name: np.inf for name in names if spread.get(name)}
 
 
-#: Share of the force of a level that a step of the encoder may make on a line: the motion around the antiresonance of
-#: a load is small. It repeats where the motion does, so that no scatter over the periods shows it. With all lines the
-#: true machine left 2 to 29 % of the force at the levels of two axes; without these the fit of one left 0.0 to 0.6 %.
+#: Share of the force of a level that one step of the encoder may make on a line: around the antiresonance of a load the
+#: motion is small. This error repeats with the motion, so the scatter over the periods does not show it. With all lines
+#: the true machine left 2 to 29 % of the force at the levels of two axes; without them one fit left 0.0 to 0.6 %.
 _MOST_OF_LINE = 0.02
 
 
 def without_noisy_lines(level: Motion, record: nlfrf.Record, sliding: NumbersRead) -> Motion:
     """Return a level without the lines on which the step of the encoder makes much of the force; a few are kept."""
-    step = smallest_step(record.y) / np.sqrt(3 * record.u.shape[-1])  # of a peak amplitude, standard deviation
+    step = smallest_step(record.y) / np.sqrt(3 * record.u.shape[-1])  # standard deviation of a peak amplitude
     noise = np.abs(force_of_motion(sliding, level.omega, 0.0)) * step
     least = np.sort(noise)[min(FEWEST_LINES, noise.size) - 1]
     kept = noise <= max(least, _MOST_OF_LINE * float(np.sqrt((np.abs(level.U) ** 2).mean())))
@@ -713,8 +717,8 @@ def _numbers_with_spread(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 
-    A variance is that of `deviations`, plus the mean square by which fits of the alternatives, the levels with other
-    time steps and another suppression of noise, differ, plus a floor for errors of the model.
+    A variance is the sum of that of `deviations`, of the mean square difference of the alternatives (fits of the levels
+    with other time steps and another suppression of noise), and of a floor for model errors.
     """
     terms, numbers = candidate.terms, derived_numbers(pack(candidate), candidate)
     spread = deviations(fine, stds, candidate)

@@ -1,4 +1,4 @@
-"""Mass, viscous and Coulomb friction of an axis in motion: friction slides, and its mean force is the friction."""
+"""Mass, viscous and Coulomb friction of an axis in motion: its mean force is the friction while it slides one way."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from robust.friction.reading.balance import (
 from robust.friction.reading.levels import require_si, weighted_mean
 from robust.friction.reading.load import fit_sliding_level
 
-#: What is read of a load, besides what moves together with it.
+#: Numbers of a load that are estimated in addition to those of the whole.
 _COUPLED = ("load_mass", "coupling", "coupling_damping")
 
 
@@ -45,22 +45,22 @@ class SlidingFit(NumbersRead):
     Fields
     ------
     mass, damping, coulomb : float
-        m [kg] of all that moves together, viscous c [Ns/m], Coulomb friction [N].
+        m [kg] of motor and load together, viscous c [Ns/m], Coulomb friction [N].
     offset : float
-        Force that does not turn with the direction, such as weight [N]; nan where only one direction was measured.
+        Force that does not change with the direction, such as weight [N]; nan if only one direction was measured.
     delay : float
-        From the command to the force, a lag in it [s]; a mode above the band looks like a lag.
+        Delay from the command to the force, including a lag [s]. A mode above the band looks like a lag.
     stds : dict of str to float
         Standard deviation of each of these numbers.
     velocities : (R,) ndarray
-        [m/s].
+        Base velocities [m/s].
     misfit : float
-        Mean square misfit of forces and slopes over their variance: above about 4 the friction is no Coulomb friction
-        with a viscous part, as where Stribeck friction still falls.
+        Mean square misfit of forces and slopes over their variance. Above about 4 the friction is not Coulomb friction
+        with a viscous part; for instance Stribeck friction still falls.
     units : tuple of str
-        Units of force and position; all others follow.
+        Units of force and position; all other units follow from them.
     load_mass, coupling, coupling_damping : float
-        Of two masses: the load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero of one mass.
+        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for one mass.
 
     References
     ----------
@@ -68,7 +68,7 @@ class SlidingFit(NumbersRead):
 
     Examples
     --------
-    Of `identify_sliding`, which has an example with numbers.
+    Example of the fields; `identify_sliding` has one with numbers.
 
     >>> sorted(name for name in ("mass", "damping", "coulomb", "offset") if name in SlidingFit.__dataclass_fields__)
     ['coulomb', 'damping', 'mass', 'offset']
@@ -96,18 +96,21 @@ class SlidingFit(NumbersRead):
 def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float], *, masses: int = 1) -> SlidingFit:
     """Identify mass, viscous and Coulomb friction of an axis from records in motion.
 
-    While friction slides one way it is a constant force, and the FRF is that of the machine with the slope of the
-    friction as damping. The mean force over the velocity is the friction itself.
+    While friction slides in one direction it is a constant force. The FRF is then that of the machine, with the slope
+    of the friction as damping. The mean force over the velocity is the friction itself.
+
+    Use this for the mass and the viscous friction of an axis that can move at a constant velocity. Break-away force and
+    presliding stiffness need records at rest (`identify_friction`).
 
     Parameters
     ----------
     records : sequence of Record
-        Force [N] in, position [m] less the way of the base motion out, at a velocity that never turns. The force must
-        keep its mean.
+        Force [N] as input, position [m] minus the base motion as output, at a velocity that never reverses. The force
+        keeps its mean.
     velocities : (R,) sequence of float
-        Base velocity of each record [m/s], with its sign. Two directions show a force that does not turn (weight).
+        Base velocity of each record [m/s], with its sign. Two directions show a constant force such as weight.
     masses : int
-        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure to beyond the resonance.
+        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure beyond the resonance.
 
     Returns
     -------
@@ -116,7 +119,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     Raises
     ------
     ValueError
-        No record; a velocity that is zero or missing; several channels; units with a prefix; a turned sign; masses
+        No record; a velocity that is zero or missing; several channels; units with a prefix; a reversed sign; masses
         other than one or two.
 
     References
@@ -162,10 +165,10 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     if coupled and not 0 < coupled["load_mass"][0] < mass:
         raise ValueError(
             f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g} of {mass:.3g} kg. "
-            "Measure to beyond the resonance"
+            "Measure beyond the resonance"
         )
     stds = {
-        # the errors of all records are alike
+        # the errors of all records are correlated, so averaging does not reduce them
         "mass": float(np.hypot(max(mass_std, min(one[1]["mass"] for one in fits)), MODEL_ERROR / 2 * mass)),
         "damping": float(spread[0]),
         "coulomb": float(spread[1]),
@@ -194,7 +197,7 @@ def _mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
 
 
 def _fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return viscous and Coulomb friction and, of both directions, a force that does not turn; deviations; misfit.
+    """Return viscous and Coulomb friction, and a constant force if both directions are given; deviations; misfit.
 
     forces, slopes : (2, R) mean force and slope of the friction at each speed, and their standard deviations.
     """
@@ -210,8 +213,8 @@ def _fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> t
 
 
 def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Mass, damping, delay and what else is worth it of a linear machine, with standard deviations."""
-    kept = motion.excited  # the others hold noise alone
+    """Return mass, damping, delay and further terms of a linear machine, with their standard deviations."""
+    kept = motion.excited  # the other lines contain noise alone
     motion = replace(
         motion,
         **{name: getattr(motion, name)[..., kept] for name in ("omega", "U", "Y", "noise", "lines")},
@@ -229,14 +232,14 @@ def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str,
     for _ in range(N_PASSES):
         candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
         stds = reweight([motion], candidate)
-        if not candidate.terms.lag:  # which stands for a mode above the band, too: only one of them can be told
+        if not candidate.terms.lag:  # a lag stands for a mode above the band too: the data show only one of them
             candidate = extend([motion], stds, candidate=candidate, span=(1e-9, 1.0)) or candidate
     candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
     found = derived_numbers(pack(candidate), candidate)
     spread = deviations([motion], reweight([motion], candidate), candidate)
-    # behind a load that is read a lag is one
+    # behind an estimated load a lag is a lag
     lag = 0.0 if two else candidate.numbers.get("lag_squared", 0.0)
-    # a lag in the place of a mode turns the phase a little, which is read as damping
+    # a lag that stands for a mode changes the phase a little, which looks like damping
     errors = {
         "mass": mode_error(motion, found, lag) * abs(found["mass"]),
         "damping": mode_term(motion, found, lag) * abs(found["damping"]),

@@ -1,8 +1,8 @@
-"""Where the search for a motor and a load, with friction on both, begins.
+"""Starts of the search for a motor and a load with friction on both.
 
-Each step looks at the level that shows its part. Where friction slides, motor and load are linear but for a Coulomb
-friction, and the antiresonance is that of the load on its spring. Where friction sticks, it is a spring at either mass,
-and the antiresonance has moved. What is left are two strengths, which are tried.
+Each step uses the level that shows its part. Where friction slides, motor and load are linear except for Coulomb
+friction, and the antiresonance is that of the load on its spring. Where friction sticks, it is a spring at each mass,
+and the antiresonance has moved. Two strengths remain; they are tried on a grid.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from robust.friction.reading.balance import (
     residual_of,
 )
 
-#: What is tried: antiresonances in the band, relative dampings and delays (of half a radian at the highest line), and
+#: Grid: antiresonances in the band, relative dampings, delays (in steps of half a radian at the highest line), and
 #: Coulomb elements from a share of the swing to half of it. All are starts: Gauss-Newton steps follow.
 _N_MODES, _DAMPINGS, _N_DELAYS, _COULOMB = 30, (0.02, 0.08), 8, (1 / 30, 1 / 2, 4)
-#: Stiffnesses of the friction of the load that are tried, over that of the coupling.
+#: Stiffnesses of the friction of the load that are tried, relative to that of the coupling.
 _STIFFNESSES = np.geomspace(1e-3, 10, 60)
-#: Strengths that are tried on either mass, from twice the lowest force to the highest; how many pairs of them go on.
+#: Strengths that are tried on each mass, from twice the lowest force to the highest; number of pairs that are kept.
 _N_STRENGTHS, _N_PAIRS = 6, 4
-#: Break-away displacements of the elements of a start, relative; all are of equal strength.
+#: Relative break-away displacements of the elements of a start; all have equal strength.
 _SPREAD = np.array([0.4, 1.0, 2.5])
-#: Excess of the stiction at either mass, and velocity of Stribeck over the rms of the highest level, of a start. From
-#: too little stiction at the motor the joint preset ended with Fs 16 % low, and from a velocity of 0.1 in a minimum
-#: with three times that of the axis. So the start with the largest stiction is tried at a lower velocity too, third.
+#: Excess of the stiction at each mass in a start, and Stribeck velocity over the rms velocity of the highest level.
+#: With too little stiction at the motor the joint preset ended with Fs 16 % low; with a velocity of 0.1 it ended in a
+#: minimum with three times the velocity of the axis. So the largest stiction is also tried at a lower velocity, third.
 _EXCESSES, _VELOCITIES, _LOW_VELOCITY = (0.05, 0.35), (0.1, 0.5), 0.02
 
 
 @value
 class _LinearLoad:
-    """Motor, load and coupling where friction slides, a delay, and the viscous friction of both."""
+    """Motor, load and coupling of a level whose friction slides, a delay, and the viscous friction of both."""
 
     motor: float
     load: float
@@ -55,7 +55,7 @@ class _LinearLoad:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Of a candidate whose friction slides: it has no elements, and their stiction does not count."""
+        """Numbers of a candidate whose friction slides: without elements its stiction has no effect."""
         return {
             "mass": self.motor,
             "damping": self.damping / 2,
@@ -70,14 +70,14 @@ class _LinearLoad:
         }
 
     def reaction(self, omega: np.ndarray, stiffness: float) -> np.ndarray:
-        """Return (W,) force over displacement of the load behind its coupling, its friction a spring."""
+        """Return (W,) force over displacement of the load behind its coupling, with its friction as a spring."""
         link = self.coupling + 1j * omega * self.coupling_damping
         inertia = stiffness - self.load * omega**2
         return np.asarray(link * inertia / (link + inertia))
 
 
 def linear_load(sliding: NumbersRead) -> _LinearLoad:
-    """Return motor and load as they were read in motion."""
+    """Return motor and load of a fit in motion."""
     return _LinearLoad(
         motor=sliding.mass - sliding.load_mass,
         load=sliding.load_mass,
@@ -90,9 +90,9 @@ def linear_load(sliding: NumbersRead) -> _LinearLoad:
 
 
 def start_with_load(levels: list[Motion], *, spring: bool, machine: _LinearLoad | None = None) -> list[Candidate]:
-    """Candidates of two masses to begin with, the likeliest first; levels the highest first.
+    """Return starting candidates of two masses, the likeliest first; the levels begin with the highest.
 
-    machine : as it was read in motion; fitted to the highest level where it was not.
+    machine : estimate in motion; if it is None, it is fitted to the highest level.
     """
     if machine is None:
         machine = fit_sliding_level(levels[0], levels[0].half_swing * np.geomspace(*_COULOMB), spring=spring)
@@ -125,12 +125,12 @@ def start_with_load(levels: list[Motion], *, spring: bool, machine: _LinearLoad 
 
 
 def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> _LinearLoad:
-    """Fit motor, load and coupling to a level that slides, by non-negative least squares on a grid of modes.
+    """Fit motor, load and coupling to a level that slides, by nonnegative least squares on a grid of modes.
 
     The friction of the load acts on the motor through the response H of the load to the motion of the motor.
 
-    breakaway : (E,) break-away displacements of the elements at either that are tried [m]; none of an axis that slides
-    one way.
+    breakaway : (E,) break-away displacements of the elements that are tried at each mass [m]; none for an axis that
+    slides in one direction.
     """
     omega, n = level.omega, level.x.shape[1]
     scale = float(np.sqrt((np.abs(level.U) ** 2).mean()))
@@ -178,7 +178,7 @@ def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> 
 
 
 def _fit_sticking_level(level: Motion, machine: _LinearLoad) -> tuple[float, float]:
-    """Stiffness of the friction at motor and load [N/m], from a level that sticks."""
+    """Return the stiffness of the friction at motor and load [N/m] from a level that sticks."""
     omega, Y = level.omega, level.Y
     seen = level.noise.mean(axis=0) < 0.1 * (np.abs(Y) ** 2).mean(axis=0)
     seen = seen if seen.any() else np.ones(omega.size, dtype=bool)
@@ -204,7 +204,7 @@ def _candidate_of(
     vs: float,
     spring: bool,
 ) -> Candidate:
-    """Return a candidate with elements of these stiffnesses and strengths, and this stiction, at motor and load."""
+    """Return a candidate with elements of these stiffnesses and strengths and this stiction, at motor and load."""
     numbers = machine.numbers | {
         **({"stiffness": machine.spring} if spring else {}),
         "log_excess": float(np.log(excess[0])),

@@ -284,7 +284,7 @@ def test_friction_that_creeps_is_no_second_mass():
     creeps = nlfrf.friction.LuGre(sigma0=64e3, sigma1=80.0, sigma2=0.0, Fc=0.7, Fs=1.0, vs=0.01)
     fit = robust.friction.identify_friction(levels((0.02, 0.5, 5.0), law=creeps))
     question = next(one for one in fit.questions if one.kind is robust.friction.Gap.OTHER_MACHINE)
-    assert "it is the friction that is another: it creeps" in question.description
+    assert "so the friction is not Maxwell slip: it creeps" in question.description
     assert "masses=2" not in str(fit)
     assert np.isinf(list(fit.stds.values())).all()
 

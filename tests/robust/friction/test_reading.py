@@ -57,7 +57,7 @@ def test_the_evidence_says_what_was_read_how_and_how_surely(found):
 
 
 def test_a_margin_is_on_the_upper_end(records, found):
-    """K0 = margin times the upper end, plus what k was lowered by."""
+    """K0 = margin times the upper end, plus the reduction of k."""
     fit = identify_once(records)
     for margin in (1.0, 2.0):
         K0 = robust.friction.friction_class(fit, margin=margin).friction.K0

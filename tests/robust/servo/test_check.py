@@ -232,7 +232,7 @@ def test_an_axis_that_settles_may_move_for_ever(short):
         page,
     )
     assert (found.verdict, bool(first)) == (DriveVerdict.NOT_PASSED, True), page
-    assert "It may move within that for ever." in page
+    assert "It may keep moving within this distance." in page
     assert re.search(r"while that acts: settles, may move within \S+ m for ever", page)
 
 

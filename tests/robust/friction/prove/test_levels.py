@@ -89,7 +89,7 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
         ),
         (
             lambda: [slipping(0.8, 110e3, 30e3, 30.0, noise=0.2), level(143e3, 0.1), level(144e3, 0.03)],
-            "so high that the friction slides: at the highest level the stiffness of the machine is known to",
+            "so high that the friction slides: at the highest level the stiffness of the machine is uncertain by",
         ),
         (
             lambda: [level(-80e3, 2.0, m=-1), level(-143e3, 0.1, m=-1), level(-144e3, 0.03, m=-1)],

@@ -230,7 +230,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
 def test_what_is_said():
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP, Fs=1.0)
     text = unwrapped(proof)
-    assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction of presliding")
+    assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction with a presliding")
     assert "up to 64 kN/m" in text
     assert "sampled at 1 kHz" in text
     assert "Not claimed: a law that creeps below break-away (LuGre, Dahl, Leuven)" in text
@@ -273,7 +273,10 @@ def test_a_model_of_the_rig_is_the_rig():
             lambda: friction_plant(-control.tf([1], [2, 3, 100])),
             "got -0.5 m/s per second and N: its friction would push",
         ),
-        (lambda: friction_plant(-control.tf([1], [2, 0, 0])), "its friction would push. Give the model, and K with it"),
+        (
+            lambda: friction_plant(-control.tf([1], [2, 0, 0])),
+            "its friction would push. Change the sign of the model, and of K with it",
+        ),
         (lambda: friction_plant(load_with_port(-1.0), port=True), "accelerates in its own direction at the friction"),
         (lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
         (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
