@@ -1,4 +1,4 @@
-"""Proofs: one loop in exact arithmetic; matrices found in floating point, and verified exactly where that is known.
+"""Proofs: one loop in exact arithmetic; matrices found in floating point, and where possible verified exactly.
 
 exact   verification in exact arithmetic
 search  search for certificates

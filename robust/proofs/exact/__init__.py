@@ -1,20 +1,20 @@
 """Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
-aliases        claims about continuous plants under a sampled controller
+aliases        claims on continuous plants under a sampled controller
 bands          inequalities between transfer matrices in a band of frequencies
-channel_files  what is claimed of several channels, in files
-claim          what is claimed of a loop, with every number as given
+channel_files  claims on loops with several channels, in files
+claim          a claim on a loop, with every number as given
 claim_files    claims as plain numbers and words, in files with a digest
 closed_loops   the norm of a plant closed through a controller, over the rationals
-conditions     what a claim asks at a frequency, in sums and products
-folded_sets    claims that a sampled set of several channels contains a continuous one
+conditions     the inequalities of a claim at a frequency, in sums and products
+folded_sets    claims that a sampled set with several channels contains a continuous one
 interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each
 loops          the entry point for one loop: a claim in, `Verification` out
-matrices       matrix inequalities over the rationals: norms and definiteness decided
+matrices       matrix inequalities over the rationals: decisions on norms and definiteness
 polynomials    exact numbers, roots of polynomials, Routh's array, signs on a half line
 scaled_kyp     a level of mu at every frequency, from P and one scaling
-stability      stability of a loop, and what a delay does to its roots
+stability      stability of a loop, and the effect of a delay on its roots
 synthesis_levels  levels of H-infinity synthesis that no controller reaches, in many digits
 taylor_models  enclosures of functions on intervals
-verification   `Verification`: which claims were proved, which were not, and why not
+verification   `Verification`: proved claims, failed claims, and reasons
 """

@@ -1,4 +1,4 @@
-"""Claims about a set of continuous plants under a sampled controller, every alias included.
+"""Claims on a set of continuous plants under a sampled controller, with every alias.
 
 With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w by the form, sums over k != 0,
 
@@ -8,9 +8,9 @@ With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G 
                                     + (|K S| + |F K S|) sum |h_k G_k| |F_k|/(1 - |F_k|) < 1
     operator, inverse             |[a, b; c, d]| < 1, the blocks of the frequency itself and of all others
 
-(docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of two Taylor models, the
-aliases beyond the first are taken in blocks, the last ones by their power law; the interval is cut until the sum of
-upper bounds stays below one. An upper bound of one or more is no disproof: what fails here is undecided.
+(docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of two Taylor models.
+Aliases beyond the first are taken in blocks, the last ones by their power law. The interval is cut until the sum of
+upper bounds stays below one. An upper bound of one or more disproves nothing: the result is then undecided.
 """
 
 from __future__ import annotations
@@ -53,23 +53,23 @@ from robust.proofs.exact.taylor_models import (
     sampled_terms,
 )
 
-SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one: at least, and at most
-_LONGER, _FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
-_TIGHT, _DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
-_REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
-_LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
+SINGLE, MOST_SINGLE = 12, 60  # least and largest number of single aliases on each side
+_LONGER, _FAR = 1.1, 30.0  # growth of the blocks beyond them, and their end as a multiple of the farthest root
+_TIGHT, _DEEPEST = 1.05, 40  # ratio of both bounds of a maximum at which cutting ends, and largest number of cuts
+_REFINEMENT_FACTOR = 4  # a bound up to this value may fall below one with a closer look
+_LOOSE_RADIUS = 0.05  # relative radius of a ball above which a Taylor model is worth its price
 
 
 @value(copy=False)
 class Ratio:
-    """|X|^2 = num(y)/den(y), y = omega^2, of a continuous system X, as balls; falls as y^-order."""
+    """|X|^2 = num(y)/den(y), y = omega^2, for a continuous system X, as balls; it falls as y^-order."""
 
     num: arb_poly
     den: arb_poly
     order: int
 
     def squares(self, low: arb, high: arb) -> list[arb]:
-        """Balls that hold num and den on omega in [low, high] (arb)."""
+        """Return balls that contain num and den on omega in [low, high] (arb)."""
         y = (low * low).union(high * high)
         found = []
         for p in (self.num, self.den):
@@ -81,29 +81,29 @@ class Ratio:
         return found
 
     def upper(self, low: arb, high: arb) -> arb:
-        """Upper bound of |X| on omega in [low, high] (arb); infinite where none is found."""
+        """Return an upper bound of |X| on omega in [low, high] (arb); infinite if none is found."""
         return _sqrt_upper(*self.squares(low, high))
 
     def bounds(self, low: arb, high: arb) -> tuple[arb, arb]:
-        """Upper bound of |X|, and one of 1/|X|."""
+        """Return an upper bound of |X|, and one of 1/|X|."""
         num, den = self.squares(low, high)
         return _sqrt_upper(num, den), _sqrt_upper(den, num)
 
     def beyond(self, low: arb) -> arb:
-        """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
+        """Return c with |X| <= c omega^-order for all omega >= low; infinite if none is found."""
         v = arb(0).union(1 / (low * low))
         top, bottom = (reversed_polynomial(p, v, p.degree()) for p in (self.num, self.den))
         return _sqrt_upper(top, bottom)
 
 
 def _squared_line(low: arb, high: arb) -> TaylorModel:
-    """omega^2 on an interval as a Taylor model."""
+    """Return omega^2 on an interval as a Taylor model."""
     omega = linear_model((low + high) / 2, (high - low) / 2)
     return omega * omega
 
 
 def _sqrt_upper(top: arb, bottom: arb) -> arb:
-    """Return an upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
+    """Return an upper bound of sqrt(top/bottom); infinite if the bottom is not certainly positive."""
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
@@ -111,24 +111,22 @@ def _sqrt_upper(top: arb, bottom: arb) -> arb:
 
 
 def magnitude_ratio(system: Quotient) -> Ratio:
-    """Return |X|^2 of a continuous system as a quotient of polynomials in omega^2."""
+    """Return |X|^2 for a continuous system as a quotient of polynomials in omega^2."""
     num, den = squared_magnitude(arb_poly(system.num)), squared_magnitude(arb_poly(system.den))
     return Ratio(num=num, den=den, order=_true_degree(system.den) - _true_degree(system.num))
 
 
 def _true_degree(p: Polynomial) -> int:
-    """Degree of a polynomial over the rationals."""
     return max(int(p.degree()), 0)
 
 
 def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
-    """Return the product of two systems."""
     return Quotient(num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree)
 
 
 @value(copy=False)
 class _Sums:
-    """Upper bounds of the sums over all aliases k != 0 on an interval; what they stand for is in `_Aliases`."""
+    """Upper bounds of the sums over all aliases k != 0 on an interval; `_Aliases` defines the sums."""
 
     F: arb
     G: arb
@@ -140,7 +138,7 @@ class _Sums:
 
 @value(copy=False)
 class AliasBlocks:
-    """All aliases |k| above a number, in blocks that begin at `edges`; beyond the last one all the others."""
+    """All aliases with |k| above a number, in blocks that begin at `edges`; beyond the last edge all the others."""
 
     edges: tuple[int, ...]
     step: arb
@@ -162,11 +160,11 @@ class AliasBlocks:
 
     @property
     def end(self) -> arb:
-        """Where the last block ends [rad/s]."""
+        """End of the last block [rad/s]."""
         return (self.edges[-1] - arb(1) / 2) * self.step
 
     def total(self, sizes: list[arb], c: arb, order: int, *, holds: int) -> arb:
-        """Sum |h_k|^holds times the sizes on the blocks and c omega_k^-order beyond, without |sin(omega T/2)|."""
+        """Return sum |h_k|^holds times the sizes on the blocks, c omega_k^-order beyond, without |sin(omega T/2)|."""
         halves, n = (-arb(1) / 2, arb(1) / 2), order + holds
         found = arb(0)
         for (a, b), size in zip(pairwise(self.edges), sizes, strict=True):
@@ -200,7 +198,7 @@ class _Aliases:
         self.rest = self.of_the_rest(farthest)
 
     def of_the_rest(self, farthest: float) -> _Sums:
-        """Return the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
+        """Return the sums over all aliases beyond the single ones, with |h_k| without |sin(omega T/2)|."""
         blocks = AliasBlocks.beyond(self.n, farthest, dt=self.dt)
         G = [max_magnitude(self.G, *block) for block in blocks.intervals]
         F = [max_magnitude(self.F, *block, below_one=self.inverse) for block in blocks.intervals]
@@ -236,17 +234,16 @@ class _Aliases:
 
 
 def upper_end(x: arb) -> arb:
-    """Return the upper end of a ball that holds no negative number that matters."""
+    """Return the upper end of a ball without relevant negative numbers; infinity if it is not finite."""
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
 def _over_one_minus(f: arb) -> arb:
-    """f/(1 - f), infinite where f may reach one."""
+    """Return f/(1 - f), infinite if f may reach one."""
     return f / (1 - f) if f < 1 else arb.pos_inf()
 
 
 def _larger(a: arb, b: arb) -> arb:
-    """Return the larger of two upper bounds."""
     return b if b > a or not b.is_finite() else a
 
 
@@ -256,7 +253,7 @@ def _sine_up(x: arb) -> arb:
 
 
 def root_radius(*systems: Quotient) -> float:
-    """Return about how far from zero the roots of some systems lie (Fujiwara); it only places the first cuts."""
+    """Return an approximate bound of the roots of systems (Fujiwara); it only places the first cuts."""
     found = 0.0
     for system in systems:
         for p in (system.num, system.den):
@@ -267,11 +264,11 @@ def root_radius(*systems: Quotient) -> float:
 
 
 def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> arb:
-    """Return an upper bound of |X| on a block, cut until it is close to the largest value.
+    """Return an upper bound of |X| on a block, which is cut until the bound is close to the largest value.
 
-    below_one : as close in what is left to one, where X is below it, as in an inverse form 1/(1 - |X|) counts.
+    below_one : close also in the distance to one, if X is below it, because an inverse form uses 1/(1 - |X|).
     """
-    todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
+    todo, found = [(low, high, 0)], X.upper(low, low)  # usually it falls
     while todo:
         a, b, depth = todo.pop()
         middle, top = (a + b) / 2, X.upper(a, b)
@@ -285,7 +282,7 @@ def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> 
 
 
 def _is_close(top: arb, found: arb, below_one: bool) -> bool:
-    """Return whether an upper bound is close to a value that was found."""
+    """Return whether an upper bound is close to a known value."""
     return bool(top <= found * _TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * _TIGHT))
 
 
@@ -293,7 +290,7 @@ def _is_close(top: arb, found: arb, below_one: bool) -> bool:
 class _Sizes:
     """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
 
-    Of a loop without a demand the last three are not numbers: no bound is below anything.
+    Without a performance weight the last three are nan, so no bound with them is below one.
     """
 
     KS: arb
@@ -309,7 +306,7 @@ class _Sizes:
 def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _Sums) -> _Sizes:
     """Return upper bounds of all terms of a claim on an interval.
 
-    |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
+    |q S| is bounded by |q| |S|; if G dominates the aliases, at a pole of G or K too, by |q/(K h_0 G)| |T|/(1 - e).
     """
     closed = lower_bound(t.closed)
 
@@ -325,7 +322,7 @@ def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _S
     G, G_inverse = aliases.G.bounds(low, high)
     w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low
-    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # |h_0 G| over |G_d|, at most, over h_0
+    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # upper bound of |h_0 G|/|G_d|, over h_0
 
     def least(*bounds: arb) -> arb:
         finite = [upper_end(b) for b in bounds if b.is_finite()]
@@ -347,7 +344,7 @@ def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _S
 
 
 def _bound_centre(aliases: _Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
-    """Return an upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
+    """Return an upper bound of |1 - |F|^2 S|, from |F|^2 = a in the middle and the largest deviation from it.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
     """
@@ -364,7 +361,7 @@ def _bound_centre(aliases: _Aliases, t: Terms, *, closed: arb, S: arb, low: arb,
 
 
 def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling: arb) -> arb:
-    """Return an upper bound of the quantity that a claim needs below one."""
+    """Return an upper bound of the quantity that must be below one for a claim."""
     operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
     if not claim.inverse and operator:
         gain = u.FKS**2 + _product_or_zero(u.KS**2, s.FF)
@@ -386,9 +383,9 @@ def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling:
 def _joint_claim_measure(
     aliases: _Aliases, claim: LoopClaim, *, name: str, t: Terms, u: _Sizes, s: _Sums, scaling: arb, y: TaylorModel
 ) -> bool:
-    """Return the bound with all terms at the frequency itself as one quotient, which is sharper near its peak.
+    """Return whether the claim holds with all terms at the base frequency as one quotient, sharper near its peak.
 
-    The bounds of single factors err by how far each moves on the interval, those of the quotient by the square of that.
+    The bounds of single factors err by the change of each on the interval, those of the quotient by its square.
     """
     performance = name != ALIASED[STABILITY]
     if claim.inverse and (performance or claim.perturbation == "operator"):
@@ -420,19 +417,18 @@ def _joint_claim_measure(
 
 
 def _product_or_zero(size: arb, total: arb) -> arb:
-    """Return size times total, zero where the size is zero."""
     return arb(0) if size == 0 else size * total
 
 
 def _largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
-    """Largest singular value of [[a, b], [c, d]], all nonnegative."""
+    """Return the largest singular value of [[a, b], [c, d]], all entries nonnegative."""
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
 
 def prove_with_aliases(
     claim: LoopClaim, names: list[str], *, axis: Axis, found: Squares, scaling: arb, deadline: float
 ) -> dict[str, Decision]:
-    """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
+    """Prove claims from zero to Nyquist, interval by interval; all claims share the results of an interval."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
         raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {names[0]!r}")
     aliases = _Aliases(claim, axis.dt)

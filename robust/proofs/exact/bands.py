@@ -1,10 +1,10 @@
 """Inequalities between transfer matrices in a band of frequencies, decided over the rationals.
 
-M is a Hermitian matrix on the axis, put together of real systems and their adjoints X~(s) = X(-s)'. With d the product
+M is a Hermitian matrix on the axis, assembled from real systems and their adjoints X~(s) = X(-s)'. With d the product
 of their denominators, d d~ det M is an even polynomial. It is found from its values at real points, where everything is
-rational, and its real roots cut the band into pieces. Inside a piece no eigenvalue of M changes its sign, so that one
-point decides it. Poles and zeros on the axis, at zero and at infinity are roots as any others: nothing is inverted, and
-nothing is left open but for time. A discrete system is moved onto the axis by z = (1 + s)/(1 - s) first.
+rational, and its real roots cut the band into pieces. Inside a piece no eigenvalue of M changes its sign, so one point
+decides it. Poles and zeros on the axis, at zero and at infinity are roots like any others: nothing is inverted, and
+only the time limit leaves a question open. A discrete system is first moved onto the axis by z = (1 + s)/(1 - s).
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from robust.proofs.exact.polynomials import (
     undecided,
 )
 
-_END_ROUNDING = 1e-14  # relative, of an end of a band in doubles
+_END_ROUNDING = 1e-14  # relative, for an end of a band in doubles
 _SINGULAR = "the inequality is an equality at every frequency"
 _TIME_UP = "undecided, as time was up"
 
 #: A system at one point and its adjoint there: X(s) and X(-s)', on the axis X and X*.
 Pair: TypeAlias = tuple[ExactMatrix, ExactMatrix]
-#: Puts together the matrix that is to be positive.
+#: Function that assembles the matrix that must be positive.
 Inequality: TypeAlias = Callable[[Sequence[Pair]], ExactMatrix]
 
 
@@ -49,8 +49,8 @@ Inequality: TypeAlias = Callable[[Sequence[Pair]], ExactMatrix]
 class TransferMatrix:
     """A system as polynomials in s over the rationals: numerators over one denominator of `order` roots.
 
-    Each polynomial p is kept by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles` says whether its
-    poles count beside those of the other parts of an inequality, or are the ones of another part.
+    Each polynomial p is stored by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles` is False if its
+    poles are those of another part of an inequality, and are counted there.
     """
 
     num: tuple[tuple[tuple[fmpq_poly, fmpq_poly], ...], ...]
@@ -60,7 +60,7 @@ class TransferMatrix:
 
     @classmethod
     def of(cls, system: Matrices, *, own_poles: bool = True) -> TransferMatrix:
-        """Return the transfer matrix of a system, hidden modes included; of a discrete one its bilinear image.
+        """Return the transfer matrix of a system with its hidden modes; for a discrete one its bilinear image.
 
         >>> import numpy as np
         >>> one = np.ones((1, 1))
@@ -75,7 +75,7 @@ class TransferMatrix:
     def of_rationals(
         cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, *, discrete: bool, own_poles: bool = True
     ) -> TransferMatrix:
-        """Return `of` of a system whose matrices are rationals."""
+        """Return `of` for a system whose matrices are rationals."""
         n, rows, columns = A.nrows(), D.nrows(), D.ncols()
         den = A.charpoly()
 
@@ -92,18 +92,18 @@ class TransferMatrix:
 
     @property
     def characteristic(self) -> fmpq_poly:
-        """Return d(s), of a discrete system that of its bilinear image."""
+        """d(s); for a discrete system that of its bilinear image."""
         even, odd = (p(fmpq_poly([0, 0, 1])) for p in self.den)
         return even + fmpq_poly([0, 1]) * odd
 
     @cached_property
     def stability(self) -> Decision:
-        """Decide whether every pole is stable."""
+        """Decision whether every pole is stable."""
         return routh(self.characteristic, self.order)
 
     @property
     def is_zero(self) -> bool:
-        """Return whether nothing passes from any input to any output."""
+        """True if the transfer from every input to every output is zero."""
         return not any(p for row in self.num for parts in row for p in parts)
 
     def denominator(self, s: fmpq) -> fmpq:
@@ -113,17 +113,17 @@ class TransferMatrix:
 
     @cached_property
     def known(self) -> dict[fmpq, Pair]:
-        """Hold what `at` has returned: every inequality of a system is asked at the same points."""
+        """Cache of the results of `at`: all inequalities of a system use the same points."""
         return {}
 
     def at(self, s: fmpq) -> Pair:
-        """Return X(s) and X(-s)' at a real point that is no pole."""
+        """Return X(s) and X(-s)' at a real point that is not a pole."""
         if s not in self.known:
             self.known[s] = self.evaluate(s)
         return self.known[s]
 
     def evaluate(self, s: fmpq) -> Pair:
-        """Return `at`."""
+        """Compute `at` without the cache."""
         even, odd = (p(s * s) for p in self.den)
         values = [[(e(s * s), s * o(s * s)) for e, o in row] for row in self.num]
         plus = fmpq_mat([[(e + o) / (even + s * odd) for e, o in row] for row in values])
@@ -131,7 +131,7 @@ class TransferMatrix:
         return ExactMatrix.real(plus), ExactMatrix.real(minus.transpose())
 
     def on_axis(self, x: fmpq | None) -> Pair:
-        """Return X(jx), at infinity where x is None, and its conjugate transpose; a ZeroDivisionError at a pole."""
+        """Return X(jx), at infinity for x None, and its conjugate transpose; a pole raises a ZeroDivisionError."""
         if x is None:
             k, part = divmod(self.order, 2)
             direct = fmpq_mat([[parts[part][k] / self.den[part][k] for parts in row] for row in self.num])
@@ -148,7 +148,7 @@ class TransferMatrix:
 
 
 def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
-    """Return where a band [rad/s] lies on the axis: x = omega, or tan(omega dt/2) of a discrete system, made wider."""
+    """Return the ends of a band [rad/s] on the axis, rounded outward: x = omega, discrete tan(omega dt/2)."""
     if not dt:
         return band
     low, high = (float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf for omega in band)
@@ -156,13 +156,12 @@ def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
 
 
 def frequency_of_point(x: float, dt: float) -> float:
-    """Return the frequency [rad/s] of a point of the axis."""
     return 2 / dt * float(np.arctan(x)) if dt else x
 
 
 @value(copy=False)
 class Piece:
-    """A stretch of the axis in whose inside det M has no root: its ends, made wider, and M at a point of it."""
+    """A stretch of the axis on which det M has no root: its ends, rounded outward, and M at a point inside."""
 
     low: float
     high: float
@@ -178,9 +177,9 @@ def cut_at_crossings(
     high: float = np.inf,
     deadline: float = np.inf,
 ) -> list[Piece] | str:
-    """Return the pieces of the axis from low to high between the roots of det M; else why there are none.
+    """Return the pieces of the axis from low to high between the roots of det M; or the reason why there are none.
 
-    A root is where an eigenvalue of M changes its sign, or touches zero, or a pole on the axis.
+    At a root an eigenvalue of M changes its sign or touches zero, or a pole lies on the axis.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -200,7 +199,7 @@ def cut_at_crossings(
 
 
 def gain_below(level: float) -> Inequality:
-    """Return level^2 - H~H of one system: its largest singular value stays at or below the level."""
+    """Return level^2 - H~H of one system, which is positive if its largest singular value is below the level."""
 
     def inequality(pairs: Sequence[Pair]) -> ExactMatrix:
         (H, adjoint), square = pairs[0], to_rational(level) ** 2
@@ -210,7 +209,7 @@ def gain_below(level: float) -> Inequality:
 
 
 def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) -> Decision:
-    """Decide whether a system is stable and its largest singular value below a level everywhere, at infinity too.
+    """Decide whether a system is stable and its largest singular value is below a level everywhere, at infinity too.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -242,12 +241,11 @@ def subtract(left: Pair, right: Pair) -> Pair:
 
 
 def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
-    """Return one matrix of rows of matrices."""
     return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))
 
 
 def _determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
-    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None for want of time."""
+    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None if time runs out."""
     counted = [part for part in parts if part.own_poles]
     order = sum(part.order for part in counted)
     y: list[fmpq] = []
@@ -275,7 +273,7 @@ def _determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadli
 def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tuple[fmpq, fmpq]]:
     """Return the squares of the ends of each piece of ]low, high[ on which p(-x^2) has no root.
 
-    high : None for infinity, in place of which a number beyond the last root stands.
+    high : None for infinity, which is replaced by a number beyond the last root.
     """
     first, last = low * low, None if high is None else high * high
     q = p(fmpq_poly([0, -1])) * fmpq_poly([-first, 1])
@@ -291,19 +289,18 @@ def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tu
 
 
 def _ends_of_ball(y: arb) -> tuple[fmpq, fmpq]:
-    """Return both ends of a ball."""
     middle, radius = _exact_number(y.mid()), _exact_number(y.rad())
     return middle - radius, middle + radius
 
 
 def _exact_number(x: arb) -> fmpq:
-    """Return the number that a ball without radius is."""
+    """Return the exact number of a ball with radius zero."""
     mantissa, exponent = x.man_exp()
     return fmpq(mantissa) * fmpq(2) ** int(exponent)
 
 
 def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality) -> Piece:
-    """Return a piece with M at a point of it, geometrically in the middle where no pole is just there."""
+    """Return a piece with M at a point inside, the geometric mean of its ends unless a pole is there."""
     top = high
     for bits in count(64, 64):
         with ctx.workprec(bits):
@@ -313,7 +310,7 @@ def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequal
             continue
         try:
             M = inequality([part.on_axis(x) for part in parts])
-        except ZeroDivisionError:  # a pole, of which there are as many as states
+        except ZeroDivisionError:  # a pole; there are at most as many as states
             top = x * x
             continue
         ends = [float(np.sqrt(to_float(y))) for y in (low, high)]
@@ -322,7 +319,7 @@ def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequal
 
 
 def to_float(x: fmpq | None) -> float:
-    """Return the nearest double of a rational number; infinity of None."""
+    """Return the nearest double of a rational number; infinity for None."""
     return np.inf if x is None else int(x.p) / int(x.q)
 
 

@@ -1,4 +1,4 @@
-"""What is claimed of several channels, in a file: by one scaling or interval by interval, with all aliases."""
+"""Claims on loops with several channels, in a file: with one scaling or interval by interval, with all aliases."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ChannelsClaim:
-    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
+    """The claims of a file on a loop, by their subjects, with form and delay [s] of their set."""
 
     SCHEMA: ClassVar[str] = "robust-mu-certificate"
     UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}

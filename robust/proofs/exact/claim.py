@@ -1,4 +1,4 @@
-"""``LoopClaim``: what is claimed of a loop, with every number of the loop as it was given."""
+"""``LoopClaim``: a claim on a loop, with every number of the loop as given."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
-#: The same of a set of continuous plants under a sampled controller, whose perturbations act at every alias.
+#: The same for a set of continuous plants under a sampled controller, whose perturbations act at every alias.
 ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
 _FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
 _CLASSES = ("LTI", "statistical", "operator")
@@ -24,7 +24,7 @@ _CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
 
 @value
 class Matrices:
-    """A system as it was given: A, B, C, D, and its sampling time dt [s], 0 for continuous."""
+    """A system as given: A, B, C, D, and its sampling time dt [s], 0 for continuous."""
 
     A: np.ndarray
     B: np.ndarray
@@ -63,7 +63,7 @@ def to_matrices(system: control.StateSpace) -> Matrices:
 
 @value
 class LoopClaim:
-    """What is claimed of a loop u = K (r - y) around a set of plants, all numbers as given.
+    """A claim on a loop u = K (r - y) around a set of plants, with all numbers as given.
 
     Fields
     ------
@@ -73,26 +73,26 @@ class LoopClaim:
         Performance weight w_P.
     reads, inverse : tuple of str, bool
         Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R S with R the
-        product of what is read, a = w R where inverse and 0 where not. ("G", "K"), False: G (1 + w Delta); ("K",),
-        False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta). ("N", "M"), True: normalised
-        coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*, b = t (K - G*) S
-        with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
+        product of the transfer functions in `reads`, a = w R if inverse and 0 if not. ("G", "K"), False: G (1 + w
+        Delta); ("K",), False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta). ("N", "M"),
+        True: normalised coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*,
+        b = t (K - G*) S with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
     perturbation : str
-        Class of the perturbations. Where every alias is included "operator" asks for another condition than "LTI" and
-        "statistical"; elsewhere it is words, and nothing is computed from it.
+        Class of the perturbations. For claims on every alias, "operator" has another condition than "LTI" and
+        "statistical". For other claims it is a word without effect.
     delay : float
-        Delay [s] on top of what the plant contains. A continuous plant under a sampled controller is held (zero
-        order) and delayed exactly; a delay within 1e-9 of a whole number of samples is that number (1e-6 where the
-        plant itself is discrete).
+        Delay [s] in addition to that of the plant. A continuous plant under a sampled controller is held (zero order)
+        and delayed exactly. A delay within 1e-9 of a whole number of samples is that number (1e-6 for a discrete
+        plant).
     claims : tuple of str
-        "robust stability": the nominal loop is stable, |b| < 1 at every frequency up to Nyquist. "robust
+        "robust stability": the nominal loop is stable, and |b| < 1 at every frequency up to Nyquist. "robust
         performance": also |w_P| max |S_p| < 1. "robust performance with one scaling": the norm of the loop with both
-        weights, scaled by d, is below one (nonlinear perturbations). Each also with ", every alias included": of a set
+        weights, scaled by d, is below one (nonlinear perturbations). Each also with ", every alias included": for a set
         of continuous plants under a sampled controller, the conditions of `robust.proofs.exact.aliases`.
     scaling : float
-        d, where it is claimed with one.
+        Scaling d, for claims with one scaling.
     shaping : tuple of Matrices
-        Shaping functions whose product scales the plant (and the controller back), of the last form only.
+        Shaping functions whose product scales the plant (and the controller inversely); for the last form only.
     """
 
     SCHEMA: ClassVar[str] = "robust-certificate"
@@ -123,7 +123,7 @@ class LoopClaim:
         if (self.reads, self.inverse) not in _FORMS:
             raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
         if self.shaping and "M" not in self.reads:
-            raise ValueError(f"shaping must be left out but for coprime factors, got reads {self.reads}")
+            raise ValueError(f"shaping must be left out except for coprime factors, got reads {self.reads}")
         if any(W.D.shape != (1, 1) for W in self.shaping):
             raise ValueError("shaping must have one input and one output")
         if not self.claims or not set(self.claims) <= set(_CLAIMS):

@@ -1,7 +1,7 @@
-"""Claims as plain numbers and words, field by field, and as files that someone else can check.
+"""Claims as plain numbers and words, field by field, and as files that others can check.
 
 A file is JSON with every number as given, and a digest over all of it. A claim is a value with the class attributes
-SCHEMA, UNITS and LOOP: the kind of its files, and what stands in them for people.
+SCHEMA, UNITS and LOOP: the kind of its files, and the texts in them for people.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import Matrices
 
 _VERSION = 1
-SQUARE, WHOLE = "square", "whole"  # of the arrays of a claim: as many columns as rows, integers
+SQUARE, WHOLE = "square", "whole"  # arrays of a claim with as many columns as rows, and with integers
 
 
 class _Claim(Protocol):
-    """A value that has files of its own."""
+    """A value with its own kind of file."""
 
     SCHEMA: ClassVar[str]
     UNITS: ClassVar[Mapping[str, str]]
@@ -37,7 +37,7 @@ C = TypeVar("C", bound=_Claim)
 
 
 def to_plain(part: object) -> Json:
-    """Return a part of a claim as JSON has it; floats are written with the digits that restore them exactly."""
+    """Return a part of a claim for JSON; floats are written with the digits that restore them exactly."""
     if is_dataclass(part):
         return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
     if isinstance(part, np.ndarray | np.generic):
@@ -48,10 +48,10 @@ def to_plain(part: object) -> Json:
 
 
 def from_plain(kind: type[T], given: object) -> T:
-    """Return the claim that `to_plain` wrote, or raise a ValueError that says what is wrong with it."""
+    """Return the claim that `to_plain` wrote, or raise a ValueError with its fault."""
     names = {one.name for one in fields(kind)}  # type: ignore[arg-type]
     if not isinstance(given, dict) or set(given) != names:
-        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
+        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got other entries")
     try:
         hints = get_type_hints(kind, include_extras=True)
         return kind(**{name: _part_from_plain(hints[name], part) for name, part in given.items()})
@@ -60,7 +60,7 @@ def from_plain(kind: type[T], given: object) -> T:
 
 
 def _part_from_plain(hint: object, given: Json) -> object:
-    """Return a part of a claim of the type that its field has."""
+    """Return a part of a claim with the type of its field."""
     kind = get_origin(hint) or hint
     if kind in _MAKERS:
         return _MAKERS[kind](get_args(hint), given)
@@ -71,7 +71,7 @@ def _part_from_plain(hint: object, given: Json) -> object:
 
 
 def _part_of_union(kinds: tuple[object, ...], given: Json) -> object:
-    """Return None, or a part of that type, of several, whose entries were given; else of the first."""
+    """Return None, or a part of the type in a union whose entries fit; if none fits, of the first type."""
     if given is None:
         return None
     fitting = [one for one in kinds if is_dataclass(one) and {each.name for each in fields(one)} == set(given)]
@@ -84,13 +84,13 @@ def _annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
 
 
 def _tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
-    """Return a tuple of parts, of one type each or all of the first."""
+    """Return a tuple of parts, each with its own type, or all with the first."""
     kinds = kinds[:1] * len(given) if kinds[-1] is Ellipsis else kinds
     return tuple(_part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
 
 
 def _system_from_plain(given: JsonObject) -> Matrices:
-    """Return one system from lists of numbers, whose empty ones have lost their shapes."""
+    """Return one system from lists of numbers; empty lists have lost their shapes."""
     if set(given) != {*"ABCD", "dt"}:
         raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
     try:
@@ -103,7 +103,7 @@ def _system_from_plain(given: JsonObject) -> Matrices:
     return Matrices(**parts, dt=float(given["dt"]))
 
 
-#: How a part is made of what was given, by the type of its field; of every other type its constructor makes it.
+#: Function that makes a part from plain data, by the type of its field. Any other type is made by its constructor.
 _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     UnionType: _part_of_union,
     np.ndarray: lambda _, given: np.array(given, dtype=float),
@@ -116,12 +116,12 @@ _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
 
 
 def differing_fields(claim: object, other: object, names: Sequence[str]) -> list[str]:
-    """Return which of the named fields differ, number by number."""
+    """Return the named fields that differ in any number."""
     return [name for name in names if to_plain(getattr(claim, name)) != to_plain(getattr(other, name))]
 
 
 def content_digest(given: JsonObject) -> str:
-    """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
+    """Return SHA-256 over the entries in sorted order; a float counts by the shortest digits that restore it.
 
     >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
     ('c29a44ab', 'a9c3d934')
@@ -139,9 +139,9 @@ def write_claim(
     units: Mapping[str, str] | None = None,
     warnings: Sequence[str] = (),
 ) -> None:
-    """Write a claim, how it was found, what it was read from and what was warned of; the digest covers all the rest.
+    """Write a claim, its search, its sources and its warnings; the digest covers all other entries.
 
-    units : those that the claim itself does not know.
+    units : units that the claim itself does not have.
     """
     entries: JsonObject = {
         "schema": claim.SCHEMA,
@@ -157,10 +157,10 @@ def write_claim(
 
 
 def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
-    """Return the claim of a file whose digest fits, None of a file of another kind, or a ValueError.
+    """Return the claim of a file whose digest fits, None for a file of another kind; otherwise raise a ValueError.
 
-    A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
-    that the claim is proved again, and that plant and controller are compared with those one has.
+    A digest guards against accidents and hurried edits, not against a forger who computes it again. What counts is
+    that the claim is proved again, and that plant and controller are compared with your own.
     """
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != kind.SCHEMA:

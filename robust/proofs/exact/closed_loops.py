@@ -1,8 +1,8 @@
 """The norm of a plant closed through a controller, over the rationals, from both as they are stored.
 
-A loop whose states lie decades apart, or nearly cancel, has another norm in doubles than it has: putting the closed
-loop together rounds, evaluating it rounds, and so do the eigenvalues of its Hamiltonian matrix. Here the loop is put
-together of rationals, and its poles and its norm are decided as those of any system (`robust.proofs.exact.bands`).
+If the states of a loop lie decades apart, or nearly cancel, its norm in doubles is wrong: the assembly of the closed
+loop rounds, its evaluation rounds, and so do the eigenvalues of its Hamiltonian matrix. Here the loop is assembled from
+rationals, and its poles and its norm are decided as those of any system (`robust.proofs.exact.bands`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ClosedLoopClaim:
-    """What is claimed of u = K y around a plant from (w, u) to (z, y): stable, the norm from w to z below the level.
+    """The claim that u = K y around a plant from (w, u) to (z, y) is stable with a norm from w to z below the level.
 
-    A level of zero is that of a loop through which nothing passes.
+    A level of zero is that of a loop with zero transfer.
     """
 
     plant: Matrices
@@ -34,18 +34,18 @@ class ClosedLoopClaim:
 
     @property
     def sampled(self) -> bool:
-        """Whether the loop is a discrete one."""
+        """True for a discrete loop."""
         return bool(self.plant.dt or self.controller.dt)
 
 
 def verify_closed_loop(claim: ClosedLoopClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove stability and norm of a closed loop again, from plant and controller as they were given."""
+    """Prove stability and norm of a closed loop again, from plant and controller as given."""
     found = decide_closed_loop(claim, deadline=time.thread_time() + time_cap)
     return summarise_claims({"stability and norm": found})
 
 
 def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Decision:
-    """Decide whether the loop is stable with its norm below the level.
+    """Decide whether the loop is stable and its norm below the level.
 
     >>> import numpy as np
     >>> def of(*given): return Matrices(**{name: np.atleast_2d(M) for name, M in zip("ABCD", given)})
@@ -62,12 +62,12 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Deci
 
 
 def transfer_of_loop(plant: Matrices, controller: Matrices) -> TransferMatrix:
-    """Return F_l(P, K) as an exact system; a ZeroDivisionError where the loop has no solution."""
+    """Return F_l(P, K) as an exact system; a ZeroDivisionError is raised if the loop has no solution."""
     return TransferMatrix.of_rationals(*_closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt))
 
 
 def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | None:
-    """Poles of u = K y around a plant, found exactly and then rounded; None where there is no solution.
+    """Return the poles of u = K y around a plant, found exactly and then rounded; None if there is no solution.
 
     >>> one = np.ones((1, 1))
     >>> lag = Matrices(A=-one, B=one, C=-one, D=0 * one)
@@ -83,7 +83,7 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
 
 
 def _closed_loop(plant: Matrices, controller: Matrices) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """F_l(P, K) over the rationals, all states kept; a ZeroDivisionError where the loop has no solution."""
+    """Return F_l(P, K) over the rationals with all states; a ZeroDivisionError is raised if there is no solution."""
     n_u, n_y = controller.D.shape
     w, z = plant.D.shape[1] - n_u, plant.D.shape[0] - n_y
     n, m = plant.order, controller.order

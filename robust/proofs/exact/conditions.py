@@ -1,8 +1,8 @@
-"""What a claim asks of the loop at a frequency, as expressions that have to be positive.
+"""The inequalities of a claim at a frequency, as expressions that must be positive.
 
 With plant N_G/D_G, controller N_K/D_K, weights w_n/w_d and P_n/P_d, N = N_G N_K exp(-s tau) and D = D_G D_K, everything
-is put over the closed-loop polynomial D + N: nothing becomes infinite at a pole of plant or controller. Only sums and
-products of real quantities are formed, so the same lines serve polynomials, enclosures and numbers.
+is written over the closed-loop polynomial D + N, so nothing becomes infinite at a pole of plant or controller. Only
+sums and products of real quantities are formed, so the same code works for polynomials, enclosures and numbers.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from flint import arb
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import OPERATOR_PERFORMANCE, STABILITY
 
-#: A polynomial, a Taylor model or a ball: whatever has sums and products with its own kind and with a ball, which no
-#: type of python-flint says. None stands for a weight that a loop does not have, and takes part in nothing.
+#: A polynomial, a Taylor model or a ball: anything with sums and products with its own kind and with a ball. The types
+#: of python-flint do not express that. None stands for a weight that a loop does not have, and is never used.
 Quantity: TypeAlias = Any
 
 
@@ -38,7 +38,7 @@ class Terms:
 
 
 def claim_inequalities(claim: str, reads: tuple[str, ...], *, inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
-    """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
+    """Return expressions that are all positive if the claim holds; the form as in `LoopClaim`, scaling is d^2."""
     if "M" in reads:
         return _coprime_inequalities(claim, t, scaling)
     if claim == STABILITY:
@@ -49,7 +49,7 @@ def claim_inequalities(claim: str, reads: tuple[str, ...], *, inverse: bool, t: 
 
 
 def _perturbation_channel(reads: tuple[str, ...], t: Terms) -> Quantity:
-    """|X|^2 with b = w X/(D + N)."""
+    """Return |X|^2 with b = w X/(D + N)."""
     return (t.G_num if "G" in reads else t.G_den) * (t.K_num if "K" in reads else t.K_den)
 
 
@@ -59,7 +59,7 @@ def _stability_inequality(reads: tuple[str, ...], t: Terms) -> Quantity:
 
 
 def _performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Quantity]:
-    """|w_P| |S| (|1 - a b*| + |a - b|) < 1 - |b|^2 (SP 7.6 and `robust.lti.connections.worst_sensitivity`)."""
+    """Return |w_P| |S| (|1 - a b*| + |a - b|) < 1 - |b|^2 (SP 7.6, `robust.lti.connections.worst_sensitivity`)."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     if not inverse:  # a = 0: |w_P S| + |b| < 1
         return _root_sum_inequality(
@@ -82,7 +82,10 @@ def _root_sum_inequality(a: Quantity, b: Quantity, c: Quantity) -> list[Quantity
 
 
 def _scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, scaling: arb) -> list[Quantity]:
-    """Largest singular value of diag(w, w_P/d) M diag(1, d) below one: |M|_F^2 < 1 + |det M|^2 and |det M| < 1."""
+    """Return the inequalities for a norm of diag(w, w_P/d) M diag(1, d) below one.
+
+    They are |M|_F^2 < 1 + |det M|^2 and |det M| < 1.
+    """
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     whole = t.w_den * t.P_den * t.closed
     w, P = t.w_num * t.P_den, t.P_num * t.w_den
@@ -97,7 +100,7 @@ def _scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, 
 
 
 def _coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
-    """Return the claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
+    """Return the claims about normalised coprime factors, with k = |K| and g = |G| of the shaped loop, eps = |w|.
 
     Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)
     k (1 + g^2)) < |1 + L|^2 - eps^2 (1 + g^2)(1 + k^2). With one scaling: columns S/M (-K, 1, -1) and d S (K, L, 1),

@@ -1,15 +1,15 @@
-r"""Claims that a sampled set of several channels contains a continuous one, every alias included.
+r"""Claims that a sampled set with several channels contains a continuous one, with every alias.
 
-Behind hold h_k and delay the perturbation of the sampled plant is sum_k h_k G_k W_l,k Delta_k W_r,k over all aliases
-omega_k = omega + 2 pi k/T, with free |Delta_k| <= 1 (G_k = 1 where the form does not pass through the plant). It is
+After hold h_k and delay the perturbation of the sampled plant is sum_k h_k G_k W_l,k Delta_k W_r,k over all aliases
+omega_k = omega + 2 pi k/T, with free |Delta_k| <= 1 (G_k = 1 if the form does not pass through the plant). It is
 G_d V_l Delta V_r with one |Delta| <= 1 if at every omega up to Nyquist there are numbers m_k > 0 with
 
     sum_k |h_k|/m_k M_k M_k* < 1,  M_k = V_l^-1 G_d^-1 G_k W_l,k,    and    sum_k |h_k| m_k |w_r,i,k/v_r,i|^2 < 1
 
-for every i, as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). On an interval every
-m_k is the exponential of a line, and both sums are enclosed by their Taylor polynomials about its middle. What follows
-these is bounded by series with the moduli of the coefficients, for which every transfer function is the exponential of
-a series: there a zero near a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
+for every i, because a row of the parts and a column of the others are contractions (Cauchy-Schwarz). On an interval
+every m_k is the exponential of a line, and both sums are enclosed by their Taylor polynomials about its middle. The
+remainder is bounded by series with the moduli of the coefficients. For these every transfer function is the exponential
+of a series, in which a zero near a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
 taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and by the power law of the last ones.
 """
 
@@ -52,33 +52,33 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 ALIASES = "every alias in the weights"
 _BITS = 192
-_FEW_SINGLE = 2  # aliases on either side taken one by one where that is enough
+_FEW_SINGLE = 2  # number of single aliases on each side in the first attempt
 _CLEAR = (
-    0.99  # what the sums are to stay below at the middle of an interval for more aliases not to be worth their price
+    0.99  # value of the sums at the middle of an interval below which more single aliases are not worth their price
 )
 MOST_INTERVALS = 4000
-_NARROW = 1e-9  # relative width of an interval that is not cut any more
+_NARROW = 1e-9  # relative width of the narrowest interval
 
-_LEAST_SHARE = 1e-12  # of the largest term, as which a smaller one is weighed
+_LEAST_SHARE = 1e-12  # of the largest term: least weight of a term
 
-_ORDER = 6  # of the terms of Taylor polynomials
-_NEAR = 0.5  # of the distance to a zero: an interval that reaches farther has it as a factor of its own
-_UPWARD = 1 + 1e-9  # what rounding in a few sums of positive doubles is covered by
+_ORDER = 6  # number of terms of Taylor polynomials
+_NEAR = 0.5  # of the distance to a zero: in an interval that reaches farther the zero is a separate factor
+_UPWARD = 1 + 1e-9  # factor that covers the rounding in a few sums of positive doubles
 Number: TypeAlias = float | arb | acb
 
 
 @value
 class FoldedPart:
-    """A full block of a continuous set, and the one of the sampled set that it is folded into.
+    """A full block of a continuous set, and the block of the sampled set that contains it after folding.
 
     Fields
     ------
     plant, sampled : Matrices or None
-        Continuous plant behind the perturbation, and the sampled one; None where the perturbation adds to the output.
+        Continuous plant after the perturbation, and the sampled one; None if the perturbation adds to the output.
     left, right : tuple of Matrices
-        Continuous weights, W_l and W_r are diagonal.
+        Continuous weights; W_l and W_r are diagonal.
     sampled_left, sampled_right : tuple of Matrices
-        Those of the sampled set.
+        Weights of the sampled set.
     """
 
     plant: Matrices | None
@@ -102,7 +102,7 @@ class FoldedPart:
 
 @value
 class FoldedClaim:
-    """What is claimed: with sampling time dt [s] each part of a continuous set lies in that of the sampled one."""
+    """The claim that with sampling time dt [s] each part of a continuous set lies in that of the sampled set."""
 
     dt: float
     parts: tuple[FoldedPart, ...]
@@ -113,9 +113,9 @@ class FoldedClaim:
 
 
 def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
-    """Decide that every part lies within the sampled one.
+    """Decide whether every part lies within the sampled one.
 
-    Of 0.1/(1 + s/10) at dt = 0.1 s all aliases add up to 0.1 at zero frequency and to less than 0.095 at Nyquist.
+    For 0.1/(1 + s/10) at dt = 0.1 s all aliases sum to 0.1 at zero frequency and to less than 0.095 at Nyquist.
 
     >>> one, none = np.ones((1, 1)), np.zeros((0, 0))
     >>> def gain(x): return Matrices(A=none, B=none.reshape(0, 1), C=none.reshape(1, 0), D=np.array([[x]]))
@@ -134,7 +134,7 @@ def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
 
 
 def verify_folded(claim: FoldedClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove the claim again in balls rounded outward; the number of intervals is capped, whatever `time_cap` is."""
+    """Prove the claim again in balls rounded outward. The number of intervals is limited; `time_cap` has no effect."""
     del time_cap
     return summarise_claims(decide_folded(claim))
 
@@ -154,7 +154,7 @@ def _decide_part(folded: _FoldedSum) -> Decision:
             waiting.append((low, high, level + 1))
             continue
         if reached >= 1 and low:
-            return undecided(f"at {format_hertz(at.middle)} what folds down reaches {reached:.6g} of the weights")
+            return undecided(f"at {format_hertz(at.middle)} the folded aliases reach {reached:.6g} of the weights")
         if high - low <= _NARROW * high or high < _NARROW / folded.period:
             break
         cut = high / 8 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
@@ -163,14 +163,14 @@ def _decide_part(folded: _FoldedSum) -> Decision:
 
 
 class _Interval:
-    """An interval of omega [rad/s]: its middle and half its width, omega = middle + u radius with u in [-1, 1]."""
+    """An interval of omega [rad/s]: middle and half-width, omega = middle + u radius with u in [-1, 1]."""
 
     def __init__(self, low: float, high: float, dt: arb) -> None:
         self.middle, self.starts_at_zero = (low + high) / 2, low == 0
         self.radius = max(high - self.middle, self.middle - low) * (1 + 1e-15)
         self.omega, self.omega_offset = _Expansion.line(self.middle, self.radius), _Expansion.line(0, self.radius)
         self.s_offset = _Expansion.line(0, acb(0, self.radius))
-        # z - 1, in which slow systems are precise, is z + z_offset; the coefficients are those of exp at most
+        # z - 1, in which slow systems are precise, is z + z_offset; its coefficients are at most those of exp
         turn, angle = acb(0, dt * self.middle).exp(), dt * self.radius
         self.z = turn - 1
         self.z_offset = _Expansion(
@@ -184,8 +184,8 @@ class _Interval:
 class _Expansion:
     """A function of u in [-1, 1] by its Taylor series about zero, a bound of every coefficient and of their sum.
 
-    `bound` has the absolute values of the coefficients below the order at most, `total` is at least the sum of all:
-    what it leaves of the `total` bounds the remainder. Products and sums of bounds are bounds of products and sums.
+    `bound` contains upper bounds of the absolute coefficients below the order; `total` is an upper bound of the sum of
+    all. `total` minus the sum of `bound` bounds the remainder. Products and sums of bounds are bounds again.
     """
 
     series: acb_series
@@ -214,13 +214,13 @@ class _Expansion:
 
     @property
     def conjugate(self) -> _Expansion:
-        """The conjugate, of real u."""
+        """Conjugate, for real u."""
         series = acb_series([c.conjugate() for c in self.series.coeffs()], _ORDER)
         return _Expansion(series=series, bound=self.bound, total=self.total)
 
     @property
     def squared(self) -> _Expansion:
-        """The squared magnitude, of real u."""
+        """Squared magnitude, for real u."""
         return self * self.conjugate
 
     @property
@@ -231,7 +231,7 @@ class _Expansion:
 
     @property
     def ball(self) -> acb:
-        """A ball that holds the function for all u."""
+        """Ball that contains the function for all u."""
         u, found = arb(0, 1), acb(0)
         for c in self.coefficients[::-1]:
             found = found * u + c
@@ -240,18 +240,16 @@ class _Expansion:
 
 
 def _absolute(series: acb_series) -> arb_series:
-    """Return the absolute values of the coefficients."""
     return arb_series([c.abs_upper() for c in series.coeffs()], _ORDER)
 
 
 def _sum_of(bound: arb_series) -> arb:
-    """Return the sum of the coefficients."""
     return sum(bound.coeffs(), arb(0))
 
 
 @value(copy=False)
 class _Logarithm:
-    """A function of u that has no root, by the Taylor series of its logarithm and a bound of what follows."""
+    """A function of u without roots, by the Taylor series of its logarithm and a bound of the remainder."""
 
     value: acb
     series: acb_series
@@ -264,7 +262,6 @@ class _Logarithm:
 
     @property
     def inverse(self) -> _Logarithm:
-        """One over the function."""
         return _Logarithm(value=1 / self.value, series=-self.series, rest=self.rest)
 
     @property
@@ -285,7 +282,7 @@ def _exponential(start: float, slope: float) -> _Expansion:
 
 @value(copy=False)
 class _Product:
-    """A function that has no root, and a factor with roots or none."""
+    """The product of a function without roots and of an optional factor with roots."""
 
     smooth: _Logarithm
     roots: _Expansion | None = None
@@ -296,7 +293,7 @@ class _Product:
 
     @property
     def inverse(self) -> _Product:
-        """One over the function; ValueError where it may have a root."""
+        """One over the function; a ValueError is raised if it may have a root."""
         if self.roots is not None:
             raise ValueError("a root may lie within")
         return _Product(smooth=self.smooth.inverse)
@@ -317,7 +314,7 @@ class _Factored:
 
     @classmethod
     def of(cls, system: Quotient, *, at_one: bool = False) -> _Factored:
-        """Return a quotient of polynomials over the rationals in s, or in z where `at_one`."""
+        """Return the factors of a quotient of polynomials over the rationals in s, or in z with `at_one`."""
         num, den = (p(fmpq_poly([1, 1])) if at_one else p for p in (system.num, system.den))
         if not num:
             return cls(gain=arb(0), zeros=(), poles=())
@@ -325,7 +322,7 @@ class _Factored:
         return cls(gain=gain, zeros=_all_roots(num), poles=_all_roots(den))
 
     def at(self, start: acb, offset: _Expansion) -> _Product:
-        """Return it at start + offset, which is zero in the middle; ValueError where a pole may lie within."""
+        """Return it at start + offset, with offset zero in the middle; a ValueError is raised if a pole may be near."""
         zeros, poles = ([start - x for x in roots] for roots in (self.zeros, self.poles))
         size = float(offset.total.upper())
         near = [x for x in zeros if not size < _NEAR * float(abs(x).mid())]
@@ -349,7 +346,7 @@ class _Factored:
 
 
 def _all_roots(p: fmpq_poly) -> tuple[acb, ...]:
-    """Return every root as often as it is one."""
+    """Return every root, repeated by its multiplicity."""
     return tuple(root for root, many in complex_roots(p) for _ in range(many)) if p.degree() > 0 else ()
 
 
@@ -362,9 +359,9 @@ class _Term:
     right: list[_Expansion]
 
     def size(self, V: list[_Product]) -> tuple[float, float]:
-        """Largest singular value of V_l M in the middle, and its logarithmic derivative, in floating point.
+        """Return the largest singular value of V_l M in the middle and its logarithmic derivative, in floating point.
 
-        V : one over each V_l. So m_k does not depend on what the sampled weights are.
+        V : one over each V_l. So m_k does not depend on the sampled weights.
         """
         M, slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in self.M]) for k in (0, 1))
         scale = np.array([[complex(v.smooth.value), complex(v.smooth.series[1])] for v in V])
@@ -375,7 +372,7 @@ class _Term:
 
 @value(copy=False)
 class _Sums:
-    """The sum of |h_k|/m_k M_k M_k* by rows, and those of |h_k| m_k |w_r,i,k/v_r,i|^2."""
+    """The sum of |h_k|/m_k M_k M_k* by rows, and the sums of |h_k| m_k |w_r,i,k/v_r,i|^2."""
 
     left: list[list[_Expansion]]
     right: list[_Expansion]
@@ -398,7 +395,7 @@ def _both_sums(terms: list[_Term], sizes: list[tuple[float, float]]) -> _Sums:
 
 
 def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
-    """Return what both sums reach with all m_k times the best number, it and its logarithmic derivative (floating)."""
+    """Return the value of both sums with the best common factor of all m_k, this factor and its log derivative."""
     left, left_slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in sums.left]) for k in (0, 1))
     right, right_slope = (np.array([float(x.coefficients[k].real.mid()) for x in sums.right]) for k in (0, 1))
     if not (np.isfinite(left).all() and np.isfinite(right).all()):
@@ -411,7 +408,7 @@ def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
 
 
 def _is_below_one(upper: list[list[acb]]) -> bool:
-    """Return whether a Hermitian matrix of balls, of which the upper half is given, is less than the identity."""
+    """Return whether a Hermitian matrix of balls, given by its upper half, is less than the identity."""
     n = len(upper)
     M = [[upper[i][j] if i <= j else upper[j][i].conjugate() for j in range(n)] for i in range(n)]
     rows = [[(i == j) - x.real for j, x in enumerate(row)] + [x.imag for x in row] for i, row in enumerate(M)]
@@ -423,18 +420,17 @@ def _is_below_one(upper: list[list[acb]]) -> bool:
 
 
 def _diagonal(entries: list[_Expansion]) -> list[list[_Expansion]]:
-    """Return the rows of a diagonal matrix."""
     zero = _Expansion.line(0)
     return [[x if i == j else zero for j in range(len(entries))] for i, x in enumerate(entries)]
 
 
 def _ratios_of(paths: Iterable[Quotient]) -> list[Ratio]:
-    """Return the magnitudes of all that is not zero."""
+    """Return the magnitudes of all transfer functions that are not zero."""
     return [magnitude_ratio(path) for path in paths if path.num]
 
 
 def _upper_sinc(x: _Expansion) -> _Expansion:
-    """Return a polynomial that is sin(x)/x or more, by at most 4e-7 up to pi/2: its series breaks off at a plus."""
+    """Return a polynomial that is at least sin(x)/x, by at most 4e-7 up to pi/2: its series ends after a plus."""
     minus, one, found = x * x * _Expansion.line(-1), _Expansion.line(1), _Expansion.line(1)
     for k in (72, 42, 20, 6):
         found = one + minus * _Expansion.line(arb(1) / k) * found
@@ -451,7 +447,7 @@ def _entries_of(system: Matrices) -> list[list[Quotient]]:
 
 
 def _inverse_of(system: Matrices) -> list[list[_Factored]]:
-    """Return the inverse of a square sampled system by rows: d adj(N)/det(N) of N/d, less d^(n - 1) in both."""
+    """Return the inverse of a square sampled system by rows: d adj(N)/det(N) for N/d, without d^(n - 1) in both."""
     entries = _entries_of(system)
     n, d = len(entries), entries[0][0].den
     N = [[entry.num for entry in row] for row in entries]
@@ -469,7 +465,7 @@ def _inverse_of(system: Matrices) -> list[list[_Factored]]:
 
 
 def _determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
-    """Return the determinant of a matrix of polynomials, one of a matrix of none."""
+    """Return the determinant of a matrix of polynomials; one for an empty matrix."""
     if not rows:
         return fmpq_poly([1])
     first, *others = rows
@@ -480,7 +476,7 @@ def _determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
 
 
 class _FoldedSum:
-    """A part with all of it that does not depend on frequency."""
+    """All quantities of a part that do not depend on frequency."""
 
     def __init__(self, part: FoldedPart, dt: float) -> None:
         self.period, self.dt = dt, arb(to_rational(dt))
@@ -504,7 +500,7 @@ class _FoldedSum:
         self.plant_tail = self.tail(_ratios_of(plant), 0)
 
     def tail(self, paths: list[Ratio], n: int) -> arb:
-        """Upper bound of the sum of |h_k F_k| over |k| > n and over all F, without |sin(omega dt/2)|."""
+        """Return an upper bound of the sum of |h_k F_k| over |k| > n and all F, without |sin(omega dt/2)|."""
         blocks, total = AliasBlocks.beyond(n, self.farthest, dt=self.dt), arb(0)
         for F in paths:
             sizes = [max_magnitude(F, *block) for block in blocks.intervals]
@@ -512,15 +508,15 @@ class _FoldedSum:
         return upper_end(total)
 
     def largest_beyond(self, w: Ratio, n: int) -> arb:
-        """Upper bound of |w| beyond the lowest of the aliases |k| > n."""
+        """Return an upper bound of |w| beyond the lowest of the aliases |k| > n."""
         blocks = AliasBlocks.beyond(n, self.farthest, dt=self.dt)
         sizes = (max_magnitude(w, *block) for block in blocks.intervals)
         return upper_end(reduce(arb.max, sizes, w.beyond(blocks.end) / blocks.end**w.order))
 
     def decide(self, at: _Interval, singles: int) -> tuple[bool, float]:
-        """Return whether both sums stay below one on an interval, and about what they reach at its middle.
+        """Return whether both sums stay below one on an interval, and their approximate value at its middle.
 
-        singles : aliases on either side that are taken one by one.
+        singles : number of single aliases on each side.
         """
         try:
             V = [w.at(at.z, at.z_offset).inverse for w in self.V_left]
@@ -538,9 +534,9 @@ class _FoldedSum:
         return right and _is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
 
     def terms(self, at: _Interval, V: list[_Product], singles: int) -> Iterator[_Term]:
-        """Yield the terms of both sums, the first one of all aliases that are not taken one by one. V : 1/V_l.
+        """Yield the terms of both sums; the first is for all aliases beyond the single ones. V : 1/V_l.
 
-        ValueError where a pole is near.
+        A ValueError is raised if a pole is near.
         """
         v = [w.at(at.z, at.z_offset).inverse.function.squared for w in self.V_right]
         inverse = [[y.at(at.z, at.z_offset) for y in row] for row in self.inverse]
@@ -562,10 +558,10 @@ class _FoldedSum:
     def alias_matrices(
         self, at: _Interval, V: list[_Product], inverse: list[list[_Product]], start: acb, k: int
     ) -> list[list[list[_Expansion]]]:
-        """Return M_k, or two that stand for |h_0| M_0 on an interval from zero on, where the plant may have a pole.
+        """Return M_k; or two matrices for |h_0| M_0 on an interval from zero on, where the plant may have a pole.
 
-        There G_0 is not taken: h_0 G_0 is G_d less the sum of the other h_k G_k, so that G_d^-1 h_0 G_0 is off from one
-        by at most `off`. inverse : G_d^-1. start : j omega_k in the middle.
+        There G_0 is not used: h_0 G_0 is G_d minus the sum of the other h_k G_k, so G_d^-1 h_0 G_0 differs from one by
+        at most `off`. inverse : G_d^-1. start : j omega_k in the middle.
         """
         W, n = [w.at(start, at.s_offset) for w in self.left], len(V)
         if inverse and (k or not at.starts_at_zero):

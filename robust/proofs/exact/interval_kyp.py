@@ -2,13 +2,13 @@
 
 The axis of x, omega [rad/s] or tan(omega dt / 2), is cut into closed intervals [a, b] from zero to infinity. With
 states g, f = j x g, outputs y and inputs u, an interval is proved by Hermitian P and Q > 0, by scalings X that commute
-with the perturbation and by K with K* = -K on the real blocks, as soon as
+with the perturbation and by K with K* = -K on the real blocks, if
 
     f*P g + g*P f + (x - a)(b - x) g*Q g + y*X_L y - u*K y - y*K* u - level^2 u*X_R u < 0
 
-for all states and inputs, where x g stands for -j f: on the axis the first two terms are nothing, and on the interval
-the third is not negative (Iwasaki & Hara 2005). Up to infinity it is (x - a) g*Q g. That says nothing about stability,
-which has a matrix of its own. All of it is put together over the rationals.
+for all states and inputs, where x g stands for -j f. On the axis the first two terms are zero, and on the interval the
+third is not negative (Iwasaki & Hara 2005). On an interval up to infinity the third is (x - a) g*Q g. This does not
+prove stability, which has its own matrix. Everything is assembled over the rationals.
 """
 
 from __future__ import annotations
@@ -38,24 +38,23 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ComplexMatrix:
-    """A square complex matrix, by its parts."""
+    """A square complex matrix, by its real and imaginary parts."""
 
     re: Annotated[np.ndarray, SQUARE]
     im: Annotated[np.ndarray, SQUARE]
 
     @classmethod
     def of(cls, M: np.ndarray) -> ComplexMatrix:
-        """Return the matrix."""
         return cls(re=np.array(M.real, dtype=float), im=np.array(M.imag, dtype=float))
 
     @property
     def numbers(self) -> np.ndarray:
-        """The same as complex numbers."""
+        """The matrix as complex numbers."""
         return np.asarray(self.re + 1j * self.im)
 
     @property
     def exact(self) -> ExactMatrix:
-        """The same over the rationals."""
+        """The matrix over the rationals."""
         return ExactMatrix(re=to_rational_matrix(self.re), im=to_rational_matrix(self.im))
 
 
@@ -68,7 +67,6 @@ class ExactMatrix:
 
     @classmethod
     def real(cls, M: fmpq_mat) -> ExactMatrix:
-        """Return a real matrix."""
         return cls(re=M, im=M * fmpq(0))
 
     def __add__(self, other: ExactMatrix) -> ExactMatrix:
@@ -81,11 +79,9 @@ class ExactMatrix:
         return ExactMatrix(re=self.re * other.re - self.im * other.im, im=self.re * other.im + self.im * other.re)
 
     def times(self, factor: fmpq) -> ExactMatrix:
-        """Return a multiple."""
         return ExactMatrix(re=self.re * factor, im=self.im * factor)
 
     def times_j(self) -> ExactMatrix:
-        """Return j times the matrix."""
         return ExactMatrix(re=self.im * fmpq(-1), im=self.re)
 
     @property
@@ -95,24 +91,23 @@ class ExactMatrix:
 
     @property
     def inverse(self) -> ExactMatrix:
-        """Inverse; a ZeroDivisionError where there is none."""
+        """Inverse; a ZeroDivisionError is raised if there is none."""
         rows, n = stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]).inv().tolist(), self.re.nrows()
         return ExactMatrix(re=fmpq_mat([row[:n] for row in rows[:n]]), im=fmpq_mat([row[:n] for row in rows[n:]]))
 
     @property
     def is_hermitian(self) -> bool:
-        """Whether it is its conjugate transpose."""
         return bool(self.re == self.re.transpose() and self.im == self.im.transpose() * fmpq(-1))
 
     @property
     def is_positive(self) -> bool:
-        """Whether it is Hermitian and positive definite: [re, -im; im, re] is."""
+        """True if it is Hermitian and positive definite; decided on [re, -im; im, re]."""
         return self.is_hermitian and positive_definite(stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]))
 
 
 @value
 class IntervalProof:
-    """P and Q (n, n) in the coordinates T g, and of each block X and K, as in `IntervalClaim`."""
+    """P and Q (n, n) in the coordinates T g, and X and K of each block, as in `IntervalClaim`."""
 
     P: ComplexMatrix
     Q: ComplexMatrix
@@ -126,21 +121,21 @@ class IntervalProof:
 
 @value
 class IntervalClaim:
-    """What is claimed of a system, with the matrices that show it on each interval.
+    """A claim on a system, with the matrices that prove it on each interval.
 
     Fields
     ------
     system, blocks, level
-        As of `robust.proofs.exact.scaled_kyp.ScaledClaim`.
+        As in `robust.proofs.exact.scaled_kyp.ScaledClaim`.
     stability : (n, n) ndarray
-        In the coordinates T x it shows that the system is stable.
+        Matrix, in the coordinates T x, that proves stability of the system.
     T : (n, n) ndarray
         Coordinates.
     cuts : (I - 1,) ndarray
-        Where the intervals of x meet, from zero to infinity: omega [rad/s], in discrete time tan(omega dt / 2).
+        Boundaries between the intervals of x from zero to infinity: omega [rad/s], in discrete time tan(omega dt / 2).
     pieces : tuple of IntervalProof
-        One for each interval. Of each block X is (1, 1) of a full one, (rows, rows) Hermitian of the others, and K
-        (rows, rows) with K* = -K of a real one, else zero.
+        One for each interval. X of a block is (1, 1) for a full one, (rows, rows) and Hermitian for the others. K is
+        (rows, rows) with K* = -K for a real block, else zero.
     """
 
     system: Matrices
@@ -177,14 +172,13 @@ class IntervalClaim:
 
 
 def _is_increasing(cuts: np.ndarray) -> bool:
-    """Return whether cuts are finite, positive and increasing."""
     return bool(np.isfinite(cuts).all() and np.all(np.diff(cuts) > 0) and np.all(cuts > 0))
 
 
 def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     """Decide stability, and the level on every interval.
 
-    1/(s + 1) has mu of one at zero frequency; P = 1 shows that it is no larger anywhere, whatever small Q.
+    1/(s + 1) has mu of one at zero frequency; P = 1 proves that it is not larger elsewhere, with any small Q.
 
     >>> def matrix(x): return ComplexMatrix.of(np.array([[x]]))
     >>> lag = Matrices(A=-np.ones((1, 1)), B=np.ones((1, 1)), C=np.ones((1, 1)), D=np.zeros((1, 1)))
@@ -196,7 +190,7 @@ def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     """
     loop = ExactLoop.of(claim)
     stable = loop.is_stable(claim.stability)
-    found = {STABLE: proved() if stable else undecided("the matrix for it does not pass")}
+    found = {STABLE: proved() if stable else undecided("the matrix for stability does not pass")}
     ends = pairwise([0.0, *claim.cuts.tolist(), None])
     for piece, (low, high), (start, end) in zip(claim.pieces, ends, claim.intervals, strict=True):
         if not loop.holds(piece, low or 0.0, high):
@@ -206,7 +200,7 @@ def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
 
 @value(copy=False)
 class ExactLoop:
-    """A system over the rationals: what stands in the inequality, by its states and inputs (x, u).
+    """A system over the rationals: the quantities of the inequality as functions of states and inputs (x, u).
 
     Fields
     ------
@@ -217,11 +211,11 @@ class ExactLoop:
     y, u : ExactMatrix
         Outputs and inputs.
     A, T : fmpq_mat
-        The system's, and the coordinates.
+        Dynamics of the system, and the coordinates.
     level : fmpq
         The level.
     discrete : bool
-        Whether A is of discrete time.
+        True if A is that of a discrete system.
     """
 
     blocks: tuple[Block, ...]
@@ -253,7 +247,7 @@ class ExactLoop:
         )
 
     def is_stable(self, given: np.ndarray) -> bool:
-        """Return whether a matrix P > 0 shows that the system is stable."""
+        """Return whether a matrix P > 0 proves that the system is stable."""
         P, A = self.T.transpose() * to_rational_matrix(given) * self.T, self.A
         P = (P + P.transpose()) / fmpq(2)
         falls = P - A.transpose() * P * A if self.discrete else (A.transpose() * P + P * A) * fmpq(-1)
@@ -279,7 +273,7 @@ class ExactLoop:
 
 
 def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
-    """Return whether each X is Hermitian and positive definite, and K* = -K on a real block, zero on any other."""
+    """Return whether each X is Hermitian and positive definite, and each K* = -K on a real block and zero elsewhere."""
     return all(
         X.exact.is_positive and K.exact.times_j().is_hermitian and (kind == "real" or not (K.re.any() or K.im.any()))
         for (_, _, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True)
@@ -287,11 +281,11 @@ def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
 
 
 def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
-    """Decide stability and level of either claim."""
+    """Decide stability and level of a claim of either kind."""
     return _decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
 
 
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove the claim again over the rationals; it takes milliseconds an interval, whatever `time_cap` is."""
+    """Prove the claim again over the rationals; it takes milliseconds an interval, and `time_cap` has no effect."""
     del time_cap
     return summarise_claims(decide_level(claim))

@@ -1,8 +1,8 @@
-"""The claims on a loop proved: exact arithmetic for its stability, balls rounded outward for its curves.
+"""Proofs of the claims on a loop: exact arithmetic for its stability, balls rounded outward for its curves.
 
-Only the matrices as they are stored are used, no curve and no pole in floating point. Where plant, controller and
-weights share one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a
-continuous loop or a continuous weight around a sampled one is taken as it is, interval by interval.
+Only the stored matrices are used: no curve and no pole in floating point. If plant, controller and weights share one
+time base, a claim is a polynomial in one variable, positive from zero to infinity. A delay in a continuous loop, or a
+continuous weight around a sampled one, is treated exactly, interval by interval.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 
 
 def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove every claim on a loop from its matrices as exact rationals, all rounding outward.
+    """Prove every claim on a loop from its matrices as exact rationals, with outward rounding.
 
     Parameters
     ----------
     claim : LoopClaim
-        What is claimed, with all numbers as given.
+        The claims, with all numbers as given.
     time_cap : float
-        Seconds of processor time after which what is left counts as not verified, however busy the machine is.
+        Seconds of processor time, after which the rest counts as not verified. The load of the machine has no effect.
 
     Returns
     -------
     Verification
-        Not verified is a result, not an error: each claim with its reason.
+        A claim that is not verified is a result and not an error: each has its reason.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
-        first = any(name in ALIASED.values() for name in claim.claims)  # with aliases 192 seldom suffice
+        first = any(name in ALIASED.values() for name in claim.claims)  # with aliases 192 bits seldom suffice
         for bits in _BITS[first:]:
             with ctx.workprec(bits):
                 _decide_claims(claim, decided, deadline)
@@ -85,7 +85,7 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
 
 
 def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
-    """Decide the claims that are still open, at the precision of the moment."""
+    """Decide the claims that are still open, at the current precision."""
     axis = claim_on_axis(claim)
     if axis.G.degree + axis.K.degree > _MAX_STATES:
         raise ValueError(f"the loop must have at most {_MAX_STATES} states to be verified")
@@ -99,10 +99,17 @@ def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: flo
         decided[WEIGHTS] = _check_weights(axis)
     if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
         needs_digits = decided[NOMINAL].needs_digits or decided[WEIGHTS].needs_digits
-        decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
+        decided.update(
+            {
+                name: undecided(
+                    "not examined: the nominal loop or a weight is not proved stable", needs_digits=needs_digits
+                )
+                for name in claim.claims
+            }
+        )
         return
     found = squared_magnitudes(axis)
-    scaling = arb(to_rational(claim.scaling) ** 2)  # d^2 as a ball, which joins with everything
+    scaling = arb(to_rational(claim.scaling) ** 2)  # d^2 as a ball, which combines with every kind of quantity
     names = list(filter(open_still, claim.claims))
     aliased = [name for name in names if name in ALIASED.values()]
     if aliased:
@@ -124,7 +131,7 @@ def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: flo
 
 
 def _check_weights(axis: Axis) -> Decision:
-    """Every pole of the weights strictly stable; of what scales the plant every zero too."""
+    """Decide whether every pole of the weights is strictly stable, and every zero of the scaling of the plant."""
     parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
     for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
         if not (found := routh(polynomial, degree)).holds:
@@ -133,7 +140,7 @@ def _check_weights(axis: Axis) -> Decision:
 
 
 def _prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float) -> Decision:
-    """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
+    """Prove polynomials in y = x^2 positive for all y >= 0, and at infinity."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
             text = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
@@ -145,7 +152,7 @@ def _prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Q
 
 
 def _frequency_of(axis: Axis, found: Decision) -> Decision:
-    """Return a place y on the axis as a frequency [rad/s], only to be read."""
+    """Return a decision with its place y on the axis replaced by the frequency [rad/s], for messages only."""
     from math import atan, sqrt
 
     if not found.violated_at >= 0:

@@ -1,7 +1,7 @@
-"""Matrix inequalities decided over the rationals: positive definite or not, with nothing in between.
+"""Matrix inequalities decided over the rationals: positive definite or not, in every case.
 
-Inequalities that hold on an interval of a parameter are such at the Bernstein coefficients of the interval: build those
-from `to_rational_matrix` and exact sums and products, and ask for each.
+An inequality that holds at the Bernstein coefficients of an interval of a parameter holds on the interval. Build these
+from `to_rational_matrix` and exact sums and products, and decide each.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ AnyMatrix = TypeVar("AnyMatrix", fmpq_mat, arb_mat)
 def positive_definite(matrix: fmpq_mat) -> bool:
     """Return whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
 
-    Balls decide where they can, rationals where they cannot.
+    Balls decide if they can, otherwise rationals.
 
     >>> from flint import fmpq, fmpq_mat
     >>> edge = fmpq(10**30 - 1, 10**30)
@@ -43,7 +43,7 @@ def positive_definite(matrix: fmpq_mat) -> bool:
 
 
 def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
-    """Pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
+    """Return the pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
     left = [list(row) for row in rows]
     pivots = []
     while left:
@@ -59,12 +59,11 @@ def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
 
 
 def identity(n: int) -> fmpq_mat:
-    """Return the identity over the rationals."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
 def stack(parts: Sequence[Sequence[AnyMatrix]]) -> AnyMatrix:
-    """Return one matrix of rows of matrices, over the rationals or in balls."""
+    """Return one matrix from rows of matrices, over the rationals or in balls."""
     lines = (zip(*(M.tolist() for M in line), strict=True) for line in parts)
     rows = [[x for row in across for x in row] for line in lines for across in line]
     kind = type(parts[0][0])

@@ -1,8 +1,8 @@
-"""Transfer functions as quotients of polynomials whose coefficients are exact rationals, or balls that hold them.
+"""Transfer functions as quotients of polynomials whose coefficients are exact rationals, or balls that contain them.
 
-A stored double is a rational number and is taken as that. For a single-loop system, with D(s) = det(s - A),
-C adj(s - A) B = D(s) - det(s - A - B C): hidden modes stay in. A plant behind a hold has the exponential of its matrix,
-enclosed with its remainder. Discrete systems are moved from the unit circle to the imaginary axis by
+A stored double is a rational number and is used as such. For a single-loop system, with D(s) = det(s - A),
+C adj(s - A) B = D(s) - det(s - A - B C): hidden modes are kept. A plant behind a hold has the exponential of its
+matrix, enclosed with its remainder. Discrete systems are moved from the unit circle to the imaginary axis by
 z = (1 + s)/(1 - s), which is exact.
 """
 
@@ -19,15 +19,15 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import Matrices
 
-#: A `fmpq_poly` or an `arb_poly`, and the `fmpq` or `arb` that are its coefficients. Code that serves both makes more
-#: of the kind that it was given, `type(p)`, and a union does not know that the two are of one kind.
+#: A `fmpq_poly` or an `arb_poly`, and its coefficients `fmpq` or `arb`. Code for both makes objects of the given kind,
+#: `type(p)`, and a union type does not express that two objects are of one kind.
 Polynomial: TypeAlias = Any
 Coefficient: TypeAlias = Any
 
 
 @value
 class Quotient:
-    """num/den as polynomials in s or z (python-flint), both of formal degree `degree` at most."""
+    """num/den as polynomials in s or z (python-flint), both with a formal degree of at most `degree`."""
 
     num: Polynomial
     den: Polynomial
@@ -35,12 +35,11 @@ class Quotient:
 
 
 def to_rational(x: float) -> fmpq:
-    """Return a double as the rational number that it is (fmpq)."""
+    """Return a double as its exact rational number (fmpq)."""
     return fmpq(*float(x).as_integer_ratio())
 
 
 def to_rational_matrix(matrix: np.ndarray) -> fmpq_mat:
-    """Return a matrix of doubles as rationals (fmpq_mat)."""
     return fmpq_mat(len(matrix), matrix.shape[1], [to_rational(x) for x in matrix.ravel()])
 
 
@@ -63,15 +62,15 @@ def transfer_quotient(system: Matrices) -> Quotient:
 
 
 def delay_by_samples(system: Quotient, whole: int) -> Quotient:
-    """Return a discrete system behind a delay of whole samples."""
+    """Return a discrete system with a delay of whole samples."""
     return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
 
 
 def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotient:
-    """Return a continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
+    """Return a continuous plant with zero-order hold, a delay of whole dt + rest, and sampler, as a discrete system.
 
-    The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
-    hold the exponentials; dt and rest are rationals.
+    For rest > 0 the input changes inside a sample (Åström & Wittenmark, 3rd ed., 2.3). The coefficients are balls that
+    contain the exponentials; dt and rest are rationals.
     """
     direct = arb(to_rational(plant.D[0, 0]))
     n, memory = plant.order, whole + (1 if rest > 0 else 0)
@@ -108,19 +107,19 @@ def bilinear_image(system: Quotient) -> Quotient:
 
 
 def moebius_transform(p: Polynomial, degree: int) -> Polynomial:
-    """(1 - s)^degree p((1 + s)/(1 - s)); with v = 1 - s the argument is 2/v - 1."""
+    """Return (1 - s)^degree p((1 + s)/(1 - s)); with v = 1 - s the argument is 2/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 2]))
     coefficients = [shifted[k] for k in range(degree, -1, -1)]
     return kind(coefficients)(kind([1, -1]))
 
 
-# ---- Zeros, poles and gain of a single-loop system in many digits, for responses that doubles cannot tell.
+# ---- Zeros, poles and gain of a single-loop system in many digits, for responses that doubles cannot resolve.
 
 
 @value
 class _Roots:
-    """gain prod (s - zeros) / prod (s - poles); of a discrete system all about z = 1, with z - 1 in place of s."""
+    """gain prod (s - zeros) / prod (s - poles); a discrete system has all about z = 1, with z - 1 for s."""
 
     zeros: np.ndarray
     poles: np.ndarray
@@ -136,7 +135,7 @@ class _Roots:
 
 
 def exact_roots(system: Matrices) -> _Roots:
-    """Return the exact transfer function, its roots to the last digit.
+    """Return the exact transfer function, with its roots to the last digit.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -154,21 +153,21 @@ def exact_roots(system: Matrices) -> _Roots:
 
 
 def polynomial_roots(p: fmpq_poly) -> np.ndarray:
-    """All roots of a fmpq_poly, each as often as it is one."""
+    """Return all roots of a fmpq_poly, repeated by multiplicity."""
     found = [complex(root) for root, many in complex_roots(p) for _ in range(many)] if p.degree() > 0 else []
     return np.array(found, dtype=complex)
 
 
 def complex_roots(p: fmpq_poly) -> list[tuple[acb, int]]:
-    """Every root as a ball, and how often it is one."""
-    return p.numer().complex_roots()  # type: ignore[return-value]  # the stub of python-flint says a single ball
+    """Return every root as a ball, with its multiplicity."""
+    return p.numer().complex_roots()  # type: ignore[return-value]  # the stub of python-flint declares a single ball
 
 
 # ---- Polynomials proved positive on the half-line from zero to infinity, by the signs of their coefficients.
 #
-# A polynomial all of whose coefficients are nonnegative has no positive root; on an interval the same is said of its
-# Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. Pieces shrink
-# with the square root of the distance from zero, so that a polynomial that nearly touches zero takes few more.
+# A polynomial whose coefficients are all nonnegative has no positive root; on an interval the same holds for its
+# Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. The length of a
+# piece falls with the square root of the distance from zero, so a polynomial that nearly touches zero takes few more.
 
 _MIN_RELATIVE_WIDTH = 1e-13
 _MAX_PIECES = 4000
@@ -176,9 +175,9 @@ _MAX_PIECES = 4000
 
 @value
 class Decision:
-    """Whether a statement was proved or disproved; where it is false (nan: no place is named), and why, for people.
+    """Result for a statement: proved, disproved or undecided; where it is false (nan: unknown), and why, for people.
 
-    `needs_digits` says of an undecided one that more digits may decide it.
+    `needs_digits` is true if more digits may decide an undecided statement.
     """
 
     outcome: Outcome
@@ -188,40 +187,37 @@ class Decision:
 
     @property
     def holds(self) -> bool:
-        """Whether it was proved."""
+        """True if the statement is proved."""
         return self.outcome is Outcome.HOLDS
 
     @property
     def violated(self) -> bool:
-        """Whether it was disproved."""
+        """True if the statement is disproved."""
         return self.outcome is Outcome.VIOLATED
 
 
 def proved() -> Decision:
-    """Decide that it holds."""
     return Decision(outcome=Outcome.HOLDS)
 
 
 def refuted(reason: str, at: float = np.nan) -> Decision:
-    """Decide that it is false."""
     return Decision(outcome=Outcome.VIOLATED, violated_at=at, reason=reason)
 
 
 def undecided(reason: str, *, needs_digits: bool = False) -> Decision:
-    """Leave it open."""
     return Decision(outcome=Outcome.UNDECIDED, reason=reason, needs_digits=needs_digits)
 
 
-# ---- Routh's array: whether every root lies in the open left half plane, all of its first column positive.
+# ---- Routh's array: every root lies in the open left half plane if its first column is positive.
 
 _ROUTH_BITS = (192, 768, 3072)
-TOO_NEAR_BOUNDARY = "not told from the stability boundary"
+TOO_NEAR_BOUNDARY = "too close to the stability boundary to decide"
 
 
 def hurwitz(p: Polynomial, degree: int) -> Decision:
-    """Return whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
+    """Decide whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
 
-    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
+    p is a fmpq_poly, for which zero pivots refute, or an arb_poly, for which balls around zero leave it undecided.
 
     >>> from flint import fmpq_poly
     >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
@@ -248,7 +244,7 @@ def hurwitz(p: Polynomial, degree: int) -> Decision:
 
 
 def routh(p: Polynomial, degree: int) -> Decision:
-    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
+    """Decide by Routh's array in balls; for an exact polynomial with more and more digits, finally in rationals."""
     if isinstance(p, arb_poly):
         return hurwitz(p, degree)
     for bits in _ROUTH_BITS:
@@ -263,7 +259,7 @@ def routh(p: Polynomial, degree: int) -> Decision:
 
 
 class _Signs(Enum):
-    """What the Bernstein coefficients of a piece say of it."""
+    """Signs of the Bernstein coefficients of a piece."""
 
     POSITIVE = auto()
     MIXED = auto()
@@ -271,7 +267,7 @@ class _Signs(Enum):
 
 
 def _bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -> list[Coefficient]:
-    """Coefficients with the signs of the Bernstein coefficients of p on [low, high] (each a positive multiple)."""
+    """Return coefficients with the signs of the Bernstein coefficients of p on [low, high] (positive multiples)."""
     kind = type(p)
     n = p.degree()
     local = p(kind([low, high - low]))
@@ -280,14 +276,14 @@ def _bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) 
 
 
 def _bernstein_signs(coefficients: list[Coefficient]) -> _Signs:
-    """Whether all are positive, so that the piece is, ends included; some negative; or unclear for want of digits."""
+    """Return positive if all are, so that the piece is, with its ends; mixed if one is negative; else unclear."""
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
         return _Signs.POSITIVE
     return _Signs.MIXED if any(c < 0 for c in coefficients) else _Signs.UNCLEAR
 
 
 def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
-    """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not looked at.
+    """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not examined.
 
     >>> from flint import fmpq, fmpq_poly
     >>> positive_on_half_line(fmpq_poly([fmpq(1000001, 1000000), -2, 1])).holds    # (y - 1)^2 + 1e-6
@@ -329,24 +325,24 @@ def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decisio
 
 
 def _shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
-    """Coefficients of p(low + y): all nonnegative where p has no root beyond; the last is only its sign at infinity."""
+    """Return the coefficients of p(low + y): if all are nonnegative, p has no root beyond low."""
     return list(p(type(p)([_to_exact_number(p, low), 1])).coeffs())
 
 
 def _to_exact_number(p: Polynomial, x: float) -> Coefficient:
-    """Return a double as an exact number of the kind that p has."""
+    """Return a double as an exact number of the kind of the coefficients of p."""
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
 
 def _geometric_midpoint(a: float, b: float) -> float:
-    """Return where to cut: geometrically, as roots lie decades apart."""
+    """Return the point of a cut, geometric because roots lie decades apart."""
     if a == 0:
         return b / 64
     return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))
 
 
 def _root_bounds(coefficients: list[arb]) -> tuple[float, float]:
-    """About where the smallest and the largest root lie: only where to cut first, nothing rests on it."""
+    """Return approximate bounds of the smallest and the largest root, for the first cut only."""
     logs = [float(abs(c).log().mid()) if abs(c) > 0 else -np.inf for c in coefficients]
     n = max(k for k, log in enumerate(logs) if np.isfinite(log))
     small = [(logs[0] - log) / k for k, log in enumerate(logs) if k and np.isfinite(log)]

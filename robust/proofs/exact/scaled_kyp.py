@@ -5,9 +5,9 @@ and P > 0, the inequality
 
     [A'P + PA, PB; B'P, 0] + [C D]' X_L [C D] - [0; I] G [C D] - [C D]' G' [0 I] - level^2 [0 0; 0 X_R] < 0
 
-(in discrete time its counterpart) says that the system is stable and no perturbation of the structure with gain up to
-1/level makes its loop unstable. All of it is put together over the rationals from the numbers as they are stored: how
-they were found does not matter.
+(in discrete time its counterpart) proves that the system is stable, and that no perturbation of the structure with a
+gain of up to 1/level makes its loop unstable. It is assembled over the rationals from the stored numbers. It does not
+matter how these were found.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Block: TypeAlias = tuple[int, int, str]
 
 
 def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> list[int]:
-    """Return the sizes of the scalings of blocks that fit a system, or refuse them."""
+    """Return the sizes of the scalings of blocks that fit a system; refuse blocks that do not."""
     outputs, inputs = sum(block[0] for block in blocks), sum(block[1] for block in blocks)
     if system.D.shape != (outputs, inputs):
         raise ValueError(f"blocks must add up to D, got {blocks} for shape {system.D.shape}")
@@ -45,7 +45,7 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
 
 @value
 class ScaledClaim:
-    """What is claimed of a system, with the matrices that show it.
+    """A claim on a system, with the matrices that prove it.
 
     Fields
     ------
@@ -56,13 +56,13 @@ class ScaledClaim:
     level : float
         The level.
     P : (n, n) ndarray
-        P in the coordinates z = T x: of the states x of the system it is T' P T.
+        P in the coordinates z = T x; in the states x of the system it is T' P T.
     T : (n, n) ndarray
         Coordinates.
     scalings : tuple of ndarray
-        Of each block X: (1, 1) of a full one, (rows, rows) symmetric of the others.
+        X of each block: (1, 1) for a full block, (rows, rows) and symmetric for the others.
     skews : tuple of ndarray
-        Of each block G: (rows, rows) with G' = -G of a real one, else zero.
+        G of each block: (rows, rows) with G' = -G for a real block, else zero.
     """
 
     system: Matrices
@@ -85,7 +85,7 @@ class ScaledClaim:
 
     @property
     def storage(self) -> np.ndarray:
-        """P of the states of the system, symmetric, rounded to doubles."""
+        """P in the states of the system, symmetric, rounded to doubles."""
         P = self.T.T @ self.P @ self.T
         return np.asarray((P + P.T) / 2)
 

@@ -1,8 +1,8 @@
 """Stability of polynomials and of loops with a delay, decided in exact or enclosed arithmetic.
 
-Without a delay Routh's array decides (`robust.proofs.exact.polynomials`). With one the roots of D + N exp(-s tau) are
-those of D + N at tau = 0, moved across the axis only where |D| = |N|, in the direction in which |D| - |N| changes
-sign there (Cooke & van den Driessche 1986; Walton & Marshall 1987).
+Without a delay Routh's array decides (`robust.proofs.exact.polynomials`). With a delay the roots of D + N exp(-s tau)
+are those of D + N at tau = 0. They cross the axis only at |D| = |N|, in the direction in which |D| - |N| changes its
+sign (Cooke & van den Driessche 1986; Walton & Marshall 1987).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MAX_BITS = 4096
 
 
 def squared_magnitude(p: Polynomial) -> Polynomial:
-    """|p(j x)|^2 as a polynomial in y = x^2."""
+    """Return |p(j x)|^2 as a polynomial in y = x^2."""
     kind = type(p)
     mirrored = kind([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
     both = (p * mirrored).coeffs()
@@ -46,7 +46,7 @@ def squared_magnitude(p: Polynomial) -> Polynomial:
 
 
 def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
-    """Return whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
+    """Decide whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
     total = den + num
     if total[0] == 0:
         return refuted("a pole at zero")
@@ -68,7 +68,7 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
 
 
 def _roots_outside(p: fmpq_poly) -> int | None:
-    """Return how many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
+    """Return the number of roots of a fmpq_poly in the right half plane; None if one may lie on the axis."""
     count = 0
     for root, many in complex_roots(p):
         if root.real > 0:
@@ -79,7 +79,7 @@ def _roots_outside(p: fmpq_poly) -> int | None:
 
 
 def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
-    """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
+    """Return the number of roots of den + num exp(-s tau) that leave the left half plane up to the delay."""
     balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
         return 0 if balance[0] != 0 else None
@@ -110,39 +110,38 @@ def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
 
 
 def _floor_or_none(x: arb) -> int | None:
-    """floor(x), None where the ball holds an integer."""
+    """Return floor(x), or None if the ball contains an integer."""
     floor = x.floor().unique_fmpz()
     return None if floor is None or x.contains_integer() else int(floor)
 
 
 def _sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
-    """Return the sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
+    """Return the sign of the first nonzero derivative at a root of this (odd) multiplicity."""
     for _ in range(order):
         p = p.derivative()
     slope = arb_poly(p)(y)
     return 1 if slope > 0 else -1 if slope < 0 else None
 
 
-# ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, its terms along the
-# axis.
+# ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, and its terms along it.
 
 WHOLE_SAMPLES, _WHOLE_SAMPLES_DISCRETE, _SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 
 @value
 class Axis:
-    """The loop on s = j x: x is omega [rad/s] in a continuous loop, tan(omega dt/2) in a sampled one.
+    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled one.
 
     Fields
     ------
     G, K, w, P : Quotient
         Plant (hold and delay by samples inside), controller, weights; P is None without one.
     W : Quotient or None
-        What the plant is scaled by, for coprime factors.
+        Scaling of the plant, for coprime factors.
     dt, delay : fmpq
         Sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops).
     w_timed, P_timed : bool
-        Whether a weight is continuous around a sampled loop: then it lives on s = j omega.
+        True for a continuous weight around a sampled loop: it is a function of s = j omega.
     """
 
     G: Quotient
@@ -157,12 +156,12 @@ class Axis:
 
     @property
     def algebraic(self) -> bool:
-        """Whether everything is a polynomial in one variable."""
+        """True if everything is a polynomial in one variable."""
         return bool(self.delay == 0) and not self.w_timed and not self.P_timed
 
 
 def claim_on_axis(claim: LoopClaim) -> Axis:
-    """Put the parts of a claim on one axis, by the rules that `LoopClaim` states, or refuse with a ValueError."""
+    """Put the parts of a claim on one axis, by the rules of `LoopClaim`; a part that violates them is refused."""
     G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
     w, w_timed = _weight_quotient("weight", claim.weight, dt)
     P, P_timed = (None, False) if claim.performance is None else _weight_quotient("performance", claim.performance, dt)
@@ -185,7 +184,7 @@ def _shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
 
 
 def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Quotient, Quotient, fmpq, fmpq]:
-    """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
+    """Return plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
 
     `seconds` is a double or a rational.
     """
@@ -211,12 +210,11 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
 
 
 def _is_same_sampling_time(dt: float, other: float) -> bool:
-    """Return whether two sampling times are the same but for rounding."""
     return abs(dt - other) <= _SAME_CLOCK * other
 
 
 def _weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, bool]:
-    """Return a weight as a quotient, and whether it is continuous around a sampled loop."""
+    """Return a weight as a quotient; and True if it is continuous around a sampled loop."""
     found = transfer_quotient(system)
     if system.order == 0:
         return found, False
@@ -233,10 +231,10 @@ SquaredPart: TypeAlias = tuple[arb_poly, arb_poly, int]
 
 @value
 class Squares:
-    """Polynomials in y = x^2 (arb_poly, at the precision of the moment) and their formal degrees.
+    """Polynomials in y = x^2 (arb_poly, at the current precision) and their formal degrees.
 
-    Those of the loop (G, K, closed) all belong to one variable, those of a timed weight to omega^2. `even` and `odd`
-    make N D* = even + j x odd, without the delay.
+    Those of the loop (G, K, closed) have one variable; those of a timed weight have omega^2. `even` and `odd` give
+    N D* = even + j x odd, without the delay.
     """
 
     G: SquaredPart
@@ -250,7 +248,7 @@ class Squares:
 
 
 def squared_magnitudes(axis: Axis) -> Squares:
-    """Return the squared magnitudes of what the loop is made of."""
+    """Return the squared magnitudes of the parts of a loop."""
     G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
     N, D = G_num * K_num, G_den * K_den
     both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
@@ -299,13 +297,13 @@ def loop_terms(
 
 
 def map_parts(found: Squares, pair: Callable[[SquaredPart], Made]) -> tuple[Made, Made, Made, Made | None, Made | None]:
-    """Return what `pair` makes of plant, controller and weights; None where there is none."""
+    """Return the results of `pair` for plant, controller and weights; None for a weight that is absent."""
     P, W = (None if part is None else pair(part) for part in (found.P, found.W))
     return pair(found.G), pair(found.K), pair(found.w), P, W
 
 
 def polynomial_terms(found: Squares) -> Terms:
-    """Return the terms as polynomials in y, where everything is one."""
+    """Return the terms as polynomials in y, for a loop that is algebraic."""
     return loop_terms(*map_parts(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
 
 
@@ -316,20 +314,20 @@ def terms_at_infinity(found: Squares) -> Terms:
     return loop_terms(*ends, cross=found.even[n], closed=found.closed[n])
 
 
-# ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot tell.
+# ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot decide.
 #
-# The characteristic polynomial of a matrix of doubles is exact over the rationals, and Routh's array decides: stable or
-# not, with nothing in between. A plant behind a hold has balls for coefficients, made smaller until they decide; only a
-# pole exactly on the boundary stays undecided there.
+# The characteristic polynomial of a matrix of doubles is exact over the rationals, and Routh's array decides stability
+# in every case. A plant behind a hold has balls as coefficients, which are refined until they decide; only a pole
+# exactly on the boundary stays undecided there.
 
 _POLE_BITS = (256, 1024, 4096)
 
 
 def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
-    """Return whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
+    """Decide whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
 
-    Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. It `holds` where
-    it is stable, and is `violated` where it is not.
+    Hold and delay are those of `LoopClaim`; the delay of a continuous loop is exact. The decision `holds` for a stable
+    loop, and is `violated` for an unstable one.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -338,7 +336,7 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
     >>> [decide_loop_stability(lag, gain(k)).holds for k in (-1.0, np.nextafter(-1, 0))]
     [False, True]
     """
-    found = undecided("not looked at", needs_digits=True)
+    found = undecided("not examined", needs_digits=True)
     for bits in _POLE_BITS:
         with ctx.workprec(bits):
             G, K, _, rest = loop_on_axis(plant, controller, delay)
@@ -349,7 +347,7 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
 
 
 def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decision:
-    """Whether every eigenvalue of a matrix of doubles lies in the open left half plane, or inside the unit circle.
+    """Decide whether every eigenvalue of a matrix of doubles is in the open left half plane, or in the unit circle.
 
     >>> import numpy as np
     >>> [decide_matrix_stability(np.array([[0.0, 1.0], [-1.0, d]])).holds for d in (0.0, -5e-324, 5e-324)]
@@ -363,7 +361,7 @@ def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decisio
 
 
 def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision:
-    """Whether the loop of two quotients on one axis, and a delay (fmpq), is stable, at the precision of the moment."""
+    """Decide whether the loop of two quotients on one axis with a delay (fmpq) is stable, at the current precision."""
     kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
     N: Polynomial = kind(G.num) * kind(K.num)
     D: Polynomial = kind(G.den) * kind(K.den)

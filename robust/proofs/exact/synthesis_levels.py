@@ -1,10 +1,10 @@
-"""Whether a level of H-infinity synthesis can be reached, in many digits: no controller reaches one that cannot.
+"""Levels of H-infinity synthesis that no controller reaches, in many digits.
 
-Between states that lie decades apart rounding lets the existence conditions fail at levels that are reached. Here the
-plant is taken as it was given, and the two Riccati equations are solved by the sign of their Hamiltonian matrices
-(Roberts 1980) with as many digits as it takes: where a Hamiltonian has eigenvalues on the axis, where a solution is not
-semidefinite, or where the spectral radius of their product reaches the level squared, the level fails, and with it
-every one below (Doyle, Glover, Khargonekar & Francis 1989). A number of many digits, and no proof.
+If states lie decades apart, rounding makes the existence conditions fail at levels that can be reached. Here the plant
+is used as given. The two Riccati equations are solved by the sign of their Hamiltonian matrices (Roberts 1980), with as
+many digits as needed. A level fails if a Hamiltonian has eigenvalues on the axis, if a solution is not semidefinite, or
+if the spectral radius of their product reaches the level squared; then every lower level fails too (Doyle, Glover,
+Khargonekar & Francis 1989). The result is a number with many digits, and not a proof.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robust.proofs.exact.matrices import identity, ldl_pivots, stack
 Balls: TypeAlias = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
 _BITS = 192
-_MOST_STATES = 40  # of the plant: a second a level
+_MOST_STATES = 40  # of the plant: a second for a level
 _MOST_STEPS = 60  # of Newton's iteration for the sign: a step halves the decades between the poles
 
 
@@ -33,12 +33,12 @@ def level_fails(
     *,
     circle: tuple[float, ...] = (),
 ) -> bool | None:
-    """Return whether no controller brings the norm of a plant from (w, u) to (z, y) below a level.
+    """Return True if no controller brings the norm of a plant from (w, u) to (z, y) below a level.
 
-    None where it is not known: too many states, no full rank at infinite frequency in u nor in y.
+    None if it is unknown: too many states, or no full rank at infinite frequency in u and in y.
 
-    plant : the generalised plant. into_u, out_of_y : the combinations of its last inputs and outputs that act and
-    measure. circle : ends of the disc in the right half plane [rad/s] that takes the place of the half plane.
+    plant : the generalised plant. into_u, out_of_y : combinations of its last inputs and outputs that act and measure.
+    circle : ends of the disc in the right half plane [rad/s] that replaces the half plane.
 
     >>> import numpy as np
     >>> P = Matrices(A=-np.eye(1), B=np.ones((1, 2)), C=np.array([[1.0], [0.0], [1.0]]),
@@ -66,9 +66,9 @@ def level_fails(
 
 
 def _half_plane_image(plant: Balls, a: float, b: float) -> Balls:
-    """Return the image under p = (s - a)/(1 - s/b), as `robust.lti.norms.to_half_plane`.
+    """Return the image under p = (s - a)/(1 - s/b), as in `robust.lti.norms.to_half_plane`.
 
-    Of a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
+    For a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
     """
     A, B, C, D = plant
     one, near, far = _identity_balls(A.nrows()), arb(a), arb(b)
@@ -77,14 +77,14 @@ def _half_plane_image(plant: Balls, a: float, b: float) -> Balls:
 
 
 def _existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
-    """Return whether a level fails, at the precision of the moment, of z outputs and w inputs beside y and u."""
+    """Return True if a level fails, at the current precision, for z outputs and w inputs besides y and u."""
     A, B, C, D = plant
     dual = A.transpose(), C.transpose(), B.transpose(), D.transpose()
     found: list[arb_mat] = []
     for parts, outputs, inputs in ((plant, z, w), (dual, w, z)):
         try:
             storage = _control_storage(parts, outputs, inputs, level)
-        except ZeroDivisionError:  # no full rank: nothing is known from this side
+        except ZeroDivisionError:  # no full rank: this side gives no information
             continue
         if storage is None:
             return True
@@ -95,9 +95,9 @@ def _existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
 
 
 def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
-    """X of a level where the states and w are known, of the dual plant Y; None where there is none.
+    """Return X of a level for known states and known w, or Y for the dual plant; None if there is none.
 
-    A ZeroDivisionError where u does not show in z at infinite frequency.
+    A ZeroDivisionError is raised if u does not reach z at infinite frequency.
     """
     A, B, C, D = plant
     n_u = B.ncols() - w
@@ -106,7 +106,7 @@ def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None
     C1, D1 = (arb_mat(M.tolist()[:z]) for M in (C, D))
     R = D1.transpose() * D1
     R = arb_mat([[R[i, j] - (level * level if i == j < w else 0) for j in range(w + n_u)] for i in range(w + n_u)])
-    # the Schur complement of u in R is negative above what the direct term leaves, whatever u is
+    # the Schur complement of u in R is negative at levels above the direct term that remains for any u
     corner = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w, w + n_u)])
     side = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w)])
     top = arb_mat([[R[i, j] for j in range(w)] for i in range(w)])
@@ -126,13 +126,13 @@ def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None
     left = arb_mat([[rows[i][n + j] + (i == n + j) for j in range(n)] for i in range(2 * n)])
     right = arb_mat([[-rows[i][j] - (i == j) for j in range(n)] for i in range(2 * n)])
     X = _symmetric_part((left.transpose() * left).solve(left.transpose() * right)).mid()
-    # X is zero to the last digit where y tells all of w
+    # X is zero to the last digit if y determines w completely
     rounding = (_frobenius_norm(X) + _frobenius_norm(H) * arb(2) ** -(_BITS // 4)) * arb(2) ** -(_BITS // 4)
     return X if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())) else None
 
 
 def _sign_of(H: arb_mat) -> arb_mat | None:
-    """Return the sign of a Hamiltonian matrix; None where it has eigenvalues on the axis."""
+    """Return the sign of a Hamiltonian matrix; None if it has eigenvalues on the axis."""
     S, near = H, arb(2) ** -(_BITS // 2)
     for _ in range(_MOST_STEPS):
         try:
@@ -152,7 +152,7 @@ def _sign_of(H: arb_mat) -> arb_mat | None:
 
 
 def _balance_states(loop: Balls) -> Balls:
-    """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
+    """Return the loop with its states in balanced units, which are powers of two."""
     A, B, C, D = loop
     n, (a, b, c) = A.nrows(), (np.abs(_to_doubles(M)) for M in (A, B, C))
     bordered = np.block([[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]])
@@ -163,7 +163,7 @@ def _balance_states(loop: Balls) -> Balls:
 
 
 def _eigenvalues(matrix: arb_mat) -> list[acb]:
-    """All eigenvalues, as near as the digits at hand bring them; nothing rests on them."""
+    """Return all eigenvalues approximately, to the current digits; no proof uses them."""
     return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
 
 
@@ -173,26 +173,22 @@ def _to_balls(matrix: np.ndarray) -> arb_mat:
 
 
 def _to_doubles(matrix: arb_mat) -> np.ndarray:
-    """Return the nearest doubles."""
     return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
 
 
 def _symmetric_part(matrix: arb_mat) -> arb_mat:
-    """Return the symmetric part of a matrix that is symmetric but for its errors."""
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
 def _frobenius_norm(matrix: arb_mat) -> arb:
-    """Frobenius norm, as far as its midpoint."""
+    """Return the Frobenius norm of the midpoints."""
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 
 def _identity_balls(n: int) -> arb_mat:
-    """Return the identity in balls."""
     return arb_mat(identity(n))
 
 
 def _diagonal_balls(numbers: list[arb]) -> arb_mat:
-    """Return a diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])

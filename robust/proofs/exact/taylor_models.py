@@ -1,7 +1,7 @@
-"""Taylor models: a smooth function on a short interval as a polynomial and a ball for all that it leaves out.
+"""Taylor models: a smooth function on a short interval as a polynomial and a ball for the remainder.
 
-A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, the interval being middle + x half. What a product or a
-composition has beyond that degree is bounded by the sum of its coefficients and joins the constant as a ball, so the
+A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, on the interval middle + x half. The terms of a product or a
+composition beyond that degree are bounded by the sum of their coefficients and added to the constant as a ball. So the
 error falls with the sixth power of the length: a function that nearly touches zero is still decided on few intervals.
 """
 
@@ -46,7 +46,7 @@ class TaylorModel:
 
 
 def _truncate(p: arb_poly) -> TaylorModel:
-    """Return what lies beyond the order goes into the constant, as a ball."""
+    """Return a Taylor model, with the terms beyond the order added to the constant as a ball."""
     coefficients = p.coeffs()
     if len(coefficients) <= _ORDER + 1:
         return TaylorModel(p)
@@ -55,12 +55,12 @@ def _truncate(p: arb_poly) -> TaylorModel:
 
 
 def linear_model(middle: arb, half: arb) -> TaylorModel:
-    """Return the variable itself: middle + half x."""
+    """Return the Taylor model of the variable, middle + half x."""
     return TaylorModel(arb_poly([middle, half]))
 
 
 def _sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
-    """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
+    """Return sin and cos of middle + half x: their Taylor polynomials, and half^(n+1)/(n+1)! for the remainder."""
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
     powers, factor = [], arb(1)
@@ -76,17 +76,17 @@ def _sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
 
 
 def sine(middle: arb, half: arb) -> TaylorModel:
-    """sin(middle + half x)."""
+    """Return sin(middle + half x)."""
     return _sine_and_cosine(middle, half)[0]
 
 
 def cosine(middle: arb, half: arb) -> TaylorModel:
-    """cos(middle + half x)."""
+    """Return cos(middle + half x)."""
     return _sine_and_cosine(middle, half)[1]
 
 
 def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
-    """p of a jet, by the Taylor coefficients of p at the middle; those beyond the order are bounded by their sum."""
+    """Return p of a jet by the Taylor coefficients of p at the middle; those beyond the order are bounded by a sum."""
     middle = argument.p[0].mid()
     away = argument.p - middle
     reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
@@ -100,13 +100,13 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
 
 @lru_cache(maxsize=64)
 def _bernstein_matrix(n: int, precision: int) -> arb_mat:
-    """Return what makes Bernstein coefficients of the coefficients of a polynomial of degree n on [0, 1]."""
+    """Return the matrix from the coefficients of a polynomial of degree n to its Bernstein coefficients on [0, 1]."""
     with ctx.workprec(precision):
         return arb_mat([[arb(comb(i, k)) / comb(n, k) for k in range(n + 1)] for i in range(n + 1)])
 
 
 def lower_bound(jet: TaylorModel) -> arb:
-    """Return a number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
+    """Return a lower bound of the jet on [-1, 1]: its least Bernstein coefficient, rounded down."""
     n = max(jet.p.degree(), 0)
     unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
     column = arb_mat(n + 1, 1, [unit[k] for k in range(n + 1)])
@@ -119,15 +119,14 @@ def lower_bound(jet: TaylorModel) -> arb:
     return least
 
 
-# ---- Claims proved interval by interval where a delay or a continuous weight makes them no polynomials.
+# ---- Claims with a delay or a continuous weight are not polynomials: they are proved interval by interval.
 #
-# On an interval every term is a Taylor model in omega (`robust.proofs.exact.taylor_models`); the least Bernstein
-# coefficient of
-# what has to be positive decides. Intervals that fail are cut; in a continuous loop what lies beyond the last one is
-# decided at once, whatever the phase of the delay is there.
+# On an interval every term is a Taylor model in omega (`robust.proofs.exact.taylor_models`). The least Bernstein
+# coefficient of an expression that must be positive decides. Intervals that fail are cut. In a continuous loop all
+# frequencies beyond the last interval are decided at once, for any phase of the delay.
 
 _MIN_RELATIVE_WIDTH = 1e-12
-_NARROW = 1e-3  # of the frequency: intervals whose middle is looked at
+_NARROW = 1e-3  # of the frequency: width of intervals whose middle is examined
 _MAX_INTERVALS = 50_000
 _MAX_OMEGA = 1e18  # [rad/s]
 _MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
@@ -136,9 +135,9 @@ Inequalities = Callable[[Terms], list[Quantity]]
 
 
 def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalities, deadline: float) -> Decision:
-    """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
+    """Prove that all expressions of the terms are positive from zero to Nyquist, or to infinity."""
     if axis.dt:
-        # a little beyond Nyquist, as pi is no double
+        # slightly beyond Nyquist, because pi is not a double
         top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
         terms = sampled_terms(axis, found)
     else:
@@ -173,7 +172,7 @@ def bisect_axis(
         if holds(low, high):
             continue
         if high - low <= _NARROW * high and not (found := at_point((low + high) / 2)).holds:
-            return found  # what a point leaves open no interval around it decides
+            return found  # if a point is undecided, no interval around it is decided
         if high - low <= _MIN_RELATIVE_WIDTH * high or high < _MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
@@ -184,7 +183,7 @@ def bisect_axis(
 
 
 def _delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
-    """Terms of a continuous loop with its delay on an interval of omega."""
+    """Return the terms of a continuous loop with its delay on an interval of omega."""
     tau = arb(axis.delay)
 
     def terms(middle: arb, half: arb) -> Terms:
@@ -201,14 +200,14 @@ def _delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
 
 
 def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb, arb], Terms]:
-    """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u).
+    """Return the terms of a sampled loop on an interval of omega, by polynomials in u = sin^2(omega dt/2).
 
-    `samples` of delay that are not in the plant are taken as the phase that they are: as poles at zero they make
-    polynomials of as many degrees.
+    y = u/(1 - u). Delays of whole samples that are not in the plant are the exact phase of `samples`; as poles at zero
+    they would raise the degree of the polynomials.
     """
     dt = arb(axis.dt)
     G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, _part_in_sine)
-    w_known = found.w if axis.w_timed else w_in_sine  # a timed weight stays one of polynomials in omega^2
+    w_known = found.w if axis.w_timed else w_in_sine  # a timed weight is made of polynomials in omega^2
     P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
     even, whole, odd = (
@@ -227,7 +226,7 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
         W = None if W_in_sine is None else _quotient_at(W_in_sine, u)
         cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
-            # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
+            # x (1 - u) = sin(omega dt)/2: a part that is odd in x = tan(omega dt/2) has one power of 1 - u less
             phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
             cross = cross * cosine(*phase) + compose_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
             closed = G[0] * K[0] + G[1] * K[1] + cross * 2
@@ -237,25 +236,25 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
 
 
 def _quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
-    """Numerator and denominator along a jet."""
+    """Return numerator and denominator along a jet."""
     return compose_polynomial(part[0], argument), compose_polynomial(part[1], argument)
 
 
 def _part_in_sine(part: SquaredPart) -> SquaredPart:
-    """Return a part as polynomials in u = sin^2(omega dt/2), where its own variable is y = u/(1 - u)."""
+    """Return a part as polynomials in u = sin^2(omega dt/2); its own variable is y = u/(1 - u)."""
     num, den, degree = part
     return _polynomial_in_sine(num, degree), _polynomial_in_sine(den, degree), degree
 
 
 def _polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
-    """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
+    """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 1]))
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
 
 
 def reversed_polynomial(p: arb_poly, v: arb, degree: int) -> arb:
-    """p(y) y^-degree at v = 1/y."""
+    """Return p(y) y^-degree at v = 1/y."""
     total = arb(0)
     for k in range(degree + 1):
         total = total * v + p[k]
@@ -269,7 +268,7 @@ def _ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
 
 
 def _tail_frequency(found: Squares, inequalities: Inequalities) -> float:
-    """Return a frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
+    """Return a frequency above which the claim holds for any phase of the delay; inf if none is found."""
     omega = 1e-3
     while omega < _MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)

@@ -1,4 +1,4 @@
-"""``Verification``: which claims were proved, which were not, and why not."""
+"""``Verification``: the proved claims, the failed claims, and the reasons."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from robust.proofs.exact.polynomials import Decision
 
 @value
 class Verification:
-    """What was proved with outward rounding, claim by claim.
+    """Result of a proof with outward rounding, claim by claim.
 
     Fields
     ------
     proved : tuple of str
-        The claims that were.
+        The proved claims.
     failed : tuple of (str, str)
-        The claims that were not, and why not, for people.
+        The claims that are not proved, and the reason of each, for people.
     violated : tuple of str
-        Of those that failed the ones proved false; the others are undecided.
+        The failed claims that are proved false; the other failed claims are undecided.
     warnings : tuple of str
-        What the certificate says was warned of the model that it is about: no proof looks at that.
+        Warnings in the certificate about its model, which no proof uses.
 
     References
     ----------
@@ -40,7 +40,7 @@ class Verification:
 
     @property
     def verified(self) -> bool:
-        """Whether every claim was proved, rigorously."""
+        """True if every claim is proved, rigorously."""
         return not self.failed
 
     def __str__(self) -> str:
@@ -50,7 +50,7 @@ class Verification:
 
 
 def summarise_claims(decided: dict[str, Decision]) -> Verification:
-    """Return what was decided, claim by claim."""
+    """Return the verification of decisions, claim by claim."""
     return Verification(
         proved=tuple(name for name, found in decided.items() if found.holds),
         failed=tuple((name, _describe_failure(found)) for name, found in decided.items() if not found.holds),
@@ -59,7 +59,6 @@ def summarise_claims(decided: dict[str, Decision]) -> Verification:
 
 
 def _describe_failure(found: Decision) -> str:
-    """Say why a claim was not verified."""
     if found.violated_at >= 0:
         return f"violated at {format_hertz(found.violated_at)}"
     return found.reason

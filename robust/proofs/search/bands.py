@@ -1,8 +1,8 @@
-"""The largest gain of a system in a band of frequencies, bounded from both sides: found and proved by one arithmetic.
+"""The largest gain of a system in a band of frequencies, bounded from both sides by one exact arithmetic.
 
-A level is tried. Where the gain passes it, exact arithmetic says between which frequencies, and the gain inside is the
-next level (Bruinsma & Steinbuch 1990). Where it passes it nowhere, the level is proved: no grid, no Hamiltonian in
-floating point, and nothing that modes over decades or near the axis could hide.
+A level is tried. If the gain exceeds it, exact arithmetic gives the frequencies between which it does, and the gain
+inside is the next level (Bruinsma & Steinbuch 1990). If the gain exceeds it nowhere, the level is proved. There is no
+grid and no Hamiltonian in floating point, so modes over decades or near the axis cannot hide.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.polynomials import Coefficient, polynomial_roots, to_rational
 
 _TOLERANCE = 1e-3  # relative, between both bounds
-TIME_CAP = 10.0  # processor time [s] after which a bound is left open
+TIME_CAP = 10.0  # processor time [s] after which a bound is left undecided
 _MAX_LEVELS = 60
-_SMALLEST, _LARGEST = 1e-150, 1e100  # levels between which a gain is followed: beyond, it is none or has no bound
+_SMALLEST, _LARGEST = 1e-150, 1e100  # range of levels: a gain below it counts as zero, above it as unbounded
 
 
 @value
 class GainBound:
-    """Bounds of the largest gain in a band, and the frequency [rad/s] at which the lower one is attained.
+    """Bounds of the largest gain in a band, and the frequency [rad/s] at which the lower bound is attained.
 
-    `upper` is proved at every frequency of the band; it is inf where `reason` says why nothing was proved.
+    `upper` is proved at every frequency of the band. If nothing is proved, it is inf, and `reason` is not empty.
     """
 
     upper: float
@@ -49,7 +49,7 @@ class GainBound:
 
     @property
     def is_proved(self) -> bool:
-        """Return whether the upper bound was proved."""
+        """True if the upper bound is proved."""
         return not self.reason
 
 
@@ -60,9 +60,9 @@ def bound_gain(
     tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
-    """Bound the largest singular value of a system over a band [rad/s], ends at zero and infinity included.
+    """Bound the largest singular value of a system over a band [rad/s], including its ends at zero and infinity.
 
-    The system need not be stable. A pole on the axis inside the band leaves no bound.
+    The system need not be stable. With a pole on the axis inside the band there is no bound.
 
     >>> mode = control.ss(control.tf([1], [1, 2e-4, 1]))                    # a peak of 5000 at 1 rad/s
     >>> whole, above = bound_gain(mode), bound_gain(mode, band=(2.0, np.inf))
@@ -81,7 +81,7 @@ def bound_transfer(
     tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
-    """Return `bound_gain` of an exact system, of a discrete one its bilinear image with its dt."""
+    """Return `bound_gain` of an exact system; a discrete system is given by its bilinear image and its dt."""
     low, high = points_of_band(band, dt)
     s = polynomial_roots(H.characteristic)
     return climb(
@@ -109,7 +109,7 @@ def climb(
 ) -> GainBound:
     """Bound the least level whose inequality holds on bands of the axis.
 
-    size : the least level at one point, from what the parts are there; starts : points x to begin with.
+    size : function that gives the least level at one point, from the parts there; starts : first points x.
     """
     above, level = [None if np.isinf(x) else to_rational(x) for x in starts], 0.0
     for _ in range(_MAX_LEVELS):
@@ -131,7 +131,7 @@ def climb(
 
 
 def _size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None) -> float:
-    """Return the least level at a point of the axis; zero where nothing is known of it, at a pole."""
+    """Return the least level at a point of the axis; zero if it is unknown, at a pole."""
     try:
         return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * _LARGEST))
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):

@@ -1,8 +1,7 @@
 """Proofs that a norm bound holds at every frequency: the bounded-real lemma, or a determinant, over the rationals.
 
-One full block is all of the perturbation for which the structured singular value is the norm: P is that of
-`robust.proofs.search.scaled_kyp`. Where none is found, and of a level that does not hold,
-`robust.proofs.exact.bands` decides.
+The perturbation is one full block, for which the structured singular value is the norm: P is that of
+`robust.proofs.search.scaled_kyp`. If no P is found, or the level does not hold, `robust.proofs.exact.bands` decides.
 """
 
 from __future__ import annotations
@@ -31,27 +30,29 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
     """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
 
     P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its counterpart), checked
-    over the rationals. A Riccati equation proposes P, then cvxpy. Where no P passes, a determinant decides.
+    over the rationals. A Riccati equation proposes P, then cvxpy. If no P passes, a determinant decides.
+
+    Use this for a bound of a norm that holds between the frequencies of a grid too.
 
     Parameters
     ----------
     system : control.StateSpace or TransferFunction
-        Continuous or discrete; several inputs and outputs are fine.
+        Continuous or discrete, with any number of inputs and outputs.
     level : float
-        Level to hold the norm under.
+        Level for the norm.
     solver : str, optional
-        "CLARABEL" or "SCS", the one of cvxpy that proposes P.
+        "CLARABEL" or "SCS", the solver of cvxpy that proposes P.
 
     Returns
     -------
     Certificate
-        One that does not hold says why: violated with the norm and its frequency, violated as the system is not stable,
-        or undecided. Nothing a solver does raises.
+        If it does not hold, its reason is: violated, with the norm and its frequency; violated, because the system is
+        not stable; or undecided. A failure of a solver raises nothing.
 
     Raises
     ------
     ValueError
-        A level that is not positive, a solver that is none of the two.
+        A level that is not positive, or another solver.
 
     References
     ----------
@@ -77,7 +78,7 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
 
 
 def _certify_exactly(system: control.StateSpace, level: float) -> Certificate:
-    """Return `certify_norm` over the rationals, as of a loop without a controller."""
+    """Return `certify_norm` over the rationals: that of a loop without a controller."""
     matrices, nothing = to_matrices(system), to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), system.dt))
     loop = ClosedLoopClaim(plant=matrices, controller=nothing, level=level)
     found = decide_closed_loop(loop, deadline=time.thread_time() + TIME_CAP)

@@ -1,4 +1,4 @@
-"""``Certificate``: what was proved at every frequency, and how."""
+"""``Certificate``: a proof for every frequency, and how it was made."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.verification import Verification
 
-EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # nothing in floating point
-PIECES = "scalings, each where it holds"  # neither, but no claim is kept of it
+EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # without floating point
+PIECES = "scalings, each where it holds"  # exact too, but its claim is not kept
 
 
 @value
 class Certificate:
-    """What was proved, how, and if not, why not.
+    """A proof of a bound and its method; or the reason why there is none.
 
-    A loop with one input and one output is proved in exact arithmetic from the matrices as they were given, one with
-    several by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats that. What is
-    proved by scalings, each where it holds, is exact too, but not kept to be repeated. Any other outcome is judged in
+    A loop with one input and one output is proved in exact arithmetic from the given matrices. A loop with several is
+    proved by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats the check. A
+    proof by scalings, each where it holds, is exact too, but its claim is not kept. Any other outcome is judged in
     floating point, with slacks far above its rounding. A norm is the structured singular value of one full block.
 
     Fields
     ------
     subject : str
-        What the bound is about.
+        Subject of the bound.
     outcome : Outcome
-        "holds" only if the numbers were judged and passed; "violated" only if what had to be below the level was proved
-        not to be; else "undecided".
+        "holds" only if the numbers were judged and passed; "violated" only if the bound was disproved; else
+        "undecided".
     level : float
         The norm is below this level at every frequency.
     method : str
@@ -37,13 +37,13 @@ class Certificate:
         X of every interval, see `robust.proofs.exact.interval_kyp`), all proved, rigorous; "periodic Riccati equation,
         Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
-        Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.
+        Frequency intervals [rad/s] of the proof; [0, inf] (or Nyquist) for a norm; the frequency of a violation.
     reason : str
-        Why it does not hold, for people; empty when it does.
+        Reason why it does not hold, for people; empty if it does.
     claim : LoopClaim or another
-        What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
+        The claim with every number as given, for another proof; None for a proof without one (mu).
     again : callable, optional
-        How the claim is proved again: again(claim, time_cap=seconds).
+        Function that proves the claim again: again(claim, time_cap=seconds).
 
     References
     ----------
@@ -72,32 +72,33 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Whether the bound was proved."""
+        """True if the bound is proved."""
         return self.outcome is Outcome.HOLDS
 
     @property
     def violated(self) -> bool:
-        """Whether a frequency was found at which the bound fails."""
+        """True if the bound fails at a known frequency."""
         return self.outcome is Outcome.VIOLATED
 
     @property
     def judged(self) -> str:
-        """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
+        """Arithmetic of the judgement: "proved, rigorous" to the last bit, or "judged in floating point"."""
         exact = self.method in (EXACT, SCALED_KYP, GENERALISED_KYP, PIECES)
         return "proved, rigorous" if exact else "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
-        """Prove it again with outward rounding, from the claim alone: nothing of what found it is used.
+        """Prove the claim again with outward rounding, from the claim alone and without the search.
 
         Parameters
         ----------
         time_cap : float
-            Seconds of processor time after which what is left counts as not verified, however busy the machine is.
+            Seconds of processor time, after which the rest counts as not verified. The load of the machine has no
+            effect.
 
         Returns
         -------
         Verification
-            What is "proved, rigorous", and what is not, with the reason.
+            The claims that are "proved, rigorous", and the others with their reasons.
 
         References
         ----------
@@ -112,6 +113,6 @@ class Certificate:
 def failed_certificate(
     subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED, violated_at: float = np.nan
 ) -> Certificate:
-    """Return a certificate that does not hold: undecided, or violated, at a frequency [rad/s] where one is known."""
+    """Return a certificate that does not hold: undecided, or violated, with the frequency [rad/s] if it is known."""
     where = np.zeros((0, 2)) if np.isnan(violated_at) else np.full((1, 2), violated_at)
     return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason)

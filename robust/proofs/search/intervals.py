@@ -1,4 +1,4 @@
-"""Magnitudes of single-loop systems bounded on intervals, and responses that rounding has no part in."""
+"""Magnitudes of single-loop systems bounded on intervals, and responses that are free of rounding."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from robust.lti.stability import poles_with_rounding
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.polynomials import exact_roots
 
-SLACK = 3e-6  # of a level, for what a system was rounded by when it was put together
+SLACK = 3e-6  # of a level, for the rounding in the assembly of a system
 
 
 @value
 class Magnitude:
-    """|W(j omega)| = gain prod |j omega - zeros| / prod |j omega - poles|, to be bounded on intervals."""
+    """|W(j omega)| = gain prod |j omega - zeros| / prod |j omega - poles|, for bounds on intervals."""
 
     zeros: np.ndarray
     poles: np.ndarray
     gain: float
 
     def upper_each(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return (I,) a bound from above on each finite interval, tight as it shrinks."""
+        """Return (I,) an upper bound on each finite interval; it becomes tight as the interval shrinks."""
         z, p = self.zeros / 1j, self.poles / 1j
         middle, half = (low + high) / 2, (high - low) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -44,18 +44,18 @@ def _log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> n
 
 
 def _log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return (I,) log of the product of the smallest distances."""
+    """Return (I,) log of the product of the smallest distances of the roots from each real interval."""
     with np.errstate(divide="ignore"):
         nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
         return np.asarray(np.log(np.abs(nearest)).sum(axis=1))
 
 
 def _slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(I,), (I,) range over each interval of the derivative of the log distances, summed root by root."""
+    """Return (I,), (I,) range over each interval of the derivative of the log distances, summed root by root."""
     a = np.abs(roots.imag)
     first, last = low[:, None] - roots.real, high[:, None] - roots.real
     with np.errstate(divide="ignore", invalid="ignore"):
-        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a; nan only where a root lies on the interval
+        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a; nan only for a root on the interval
         at_first, at_last, peak = first / (first**2 + a**2), last / (last**2 + a**2), 1 / (2 * a)
         most = np.where((first <= a) & (a <= last), peak, np.maximum(at_first, at_last))
         least = np.where((first <= -a) & (-a <= last), -peak, np.minimum(at_first, at_last))
@@ -63,13 +63,13 @@ def _slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[
 
 
 def magnitude_of(system: control.StateSpace) -> Magnitude:
-    """Return the magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
+    """Return the magnitude of a single-loop system over omega; for a discrete one over x = tan(omega dt/2)."""
     z, p = zeros(system), poles(system)
     dt = timebase(system)
     if dt:
         z, p = (z - 1) / (z + 1), (p - 1) / (p + 1)
         z, p = z[np.abs(z) < 1e12], p[np.abs(p) < 1e12]
-    # the gain from one point where nothing is near
+    # the gain from one point without a root nearby
     point = 1.2345 * (np.exp(np.mean(np.log(np.abs(p[p != 0])))) if np.any(p != 0) else 1.0)
     at = np.exp(2j * np.arctan(point)) if dt else 1j * point
     value_there = abs(complex(system(at))) if system.nstates else abs(system.D[0, 0])
@@ -77,11 +77,11 @@ def magnitude_of(system: control.StateSpace) -> Magnitude:
     return Magnitude(zeros=z, poles=p, gain=gain)
 
 
-# ---- Responses in doubles: from the matrices where rounding hardly moves a mode, from exact roots where it may.
+# ---- Responses in doubles: from the matrices if rounding hardly moves a mode, else from exact roots.
 
-_MAX_POLE_SHIFT = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
-_AXIS_DISTANCE = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
-_MAX_EXACT_STATES = 40  # states of which exact roots are taken
+_MAX_POLE_SHIFT = 0.1  # of its distance to the axis: largest shift of a pole by rounding
+_AXIS_DISTANCE = 1e-8  # of its modulus: least distance of a pole to the axis that is assumed
+_MAX_EXACT_STATES = 40  # largest number of states for exact roots
 
 
 def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
@@ -92,7 +92,7 @@ def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) ->
 
 
 def trusted_responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """`robust.lti.lti.make_response`, from exact roots where modes over decades share poor coordinates."""
+    """Return `robust.lti.lti.make_response`; from exact roots if modes over decades share poor coordinates."""
     dt = timebase(system)
     if not 1 < system.nstates <= _MAX_EXACT_STATES or not poles_are_uncertain(*poles_with_rounding(system), bool(dt)):
         return make_response(system)

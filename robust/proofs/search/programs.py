@@ -15,10 +15,10 @@ SCS_STEPS = 20_000  # some seconds for 32 states
 def solve_program(
     problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7, steps: int = SCS_STEPS
 ) -> str:
-    """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
+    """Solve a cvxpy problem. Return an empty text if the solver returns, else the failure; the result is not judged.
 
-    problem : cvxpy.Problem; solver : its name there; time_cap : seconds, None: its steps are counted, not its time;
-    eps, steps : tolerance of SCS, and how many steps it takes where no time caps it.
+    problem : cvxpy.Problem; solver : its name in cvxpy; time_cap : seconds, None: a limit of steps instead of time;
+    eps, steps : tolerance of SCS, and its number of steps without a time cap.
     """
     caps = {
         "CLARABEL": {} if time_cap is None else {"time_limit": time_cap},
@@ -26,10 +26,10 @@ def solve_program(
     }
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "may be inaccurate": it may well be
+            warnings.simplefilter("ignore")  # "may be inaccurate": the result is judged elsewhere
             problem.solve(solver=solver, **caps.get(solver, {}))
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
+    except BaseException as error:  # CLARABEL can panic with an exception that does not derive from Exception
         return f"the solver {solver} failed: {type(error).__name__}" + (f": {error}" if str(error) else "")
     return ""

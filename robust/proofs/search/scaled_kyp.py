@@ -1,7 +1,7 @@
 """Search for one matrix P and one scaling that prove a level of the structured singular value at every frequency.
 
-cvxpy proposes both. P is also computed from a Riccati equation for the scaling that was proposed, as that P passes
-nearer to the level. No status of a solver is looked at: `robust.proofs.exact.scaled_kyp` decides over the rationals.
+cvxpy proposes both. P is also computed from a Riccati equation for the proposed scaling, because that P passes closer
+to the level. No solver status is used: `robust.proofs.exact.scaled_kyp` decides over the rationals.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_cer
 from robust.proofs.search.intervals import SLACK
 from robust.proofs.search.programs import SCS_STEPS, SOLVERS, solve_program
 
-_MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
-_WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long
-_MIN_SCALING = 1e-7  # least eigenvalue of a scaling of trace one a row, against solvers that leave none
-_HOPELESS = -1e-3  # a margin under which no other solver is tried: there is no scaling for all frequencies
-_MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # of the output energy asked for of every state
+_MAX_STATES = 60  # of a program, ten seconds of CLARABEL; larger systems are proved without a solver if possible
+_WHOLE = 20  # number of states up to which SCS takes all its steps; larger systems get steps for about the same time
+_MIN_SCALING = 1e-7  # least eigenvalue of a scaling with trace one a row, against solvers that return zero
+_HOPELESS = -1e-3  # a margin below which no other solver is tried: there is no scaling for all frequencies
+_MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # relative to the output energy, demanded of every state
 Block = tuple[int, int, str]
 
 
@@ -41,20 +41,20 @@ def certify_scaled(
     solver: str | None = None,
     subject: str = LEVEL,
 ) -> Certificate | None:
-    """Return a certificate of a level with one scaling for all frequencies; None where none was found.
+    """Return a certificate of a level with one scaling for all frequencies; None if none is found.
 
     Parameters
     ----------
     system : control.StateSpace
         Stable, continuous or discrete.
     blocks : list of (rows, cols, kind)
-        As `ScaledClaim` has them.
+        As in `ScaledClaim`.
     level : float
-        Level that is to be proved.
+        Level to prove.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy. When not given, a scaling that needs none is tried first, then both.
+        "CLARABEL" or "SCS" of cvxpy. If it is not given, a scaling without a solver is tried first, then both.
     subject : str
-        What to call it.
+        Name of the claim.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def certify_scaled(
 def certify_with_one_scaling(
     system: control.StateSpace, blocks: Sequence[Block], *, solver: str | None, subject: str
 ) -> Certificate:
-    """Return the certificate that mu stays below one with one scaling for all frequencies, or that none was found."""
+    """Return the certificate of mu below one with one scaling for all frequencies, or a failed one."""
     found = certify_scaled(system, blocks, 1 - SLACK, solver=solver, subject=subject)
     if found is None:
         return failed_certificate(subject, 1.0, "no P was found with one scaling for all frequencies")
@@ -95,7 +95,7 @@ def certify_with_one_scaling(
 
 @value(copy=False)
 class _Scaling:
-    """X of every block and G of the real ones, for channels that are balanced; P and margin as the solver has them."""
+    """X of every block and G of the real ones, for balanced channels; P and margin of the solver, if there is one."""
 
     X: tuple[np.ndarray, ...]
     G: tuple[np.ndarray, ...]
@@ -110,13 +110,13 @@ class ScalingSearch:
     Fields
     ------
     matrices : A, B, C, D
-        In coordinates T x, its channels times `balance`.
+        Matrices in coordinates T x, with the channels times `balance`.
     blocks : tuple of (rows, cols, kind)
         The structure.
     T : ndarray
         Coordinates.
     balance : (K,) ndarray
-        Of each block a number d: outputs times d, inputs divided by it.
+        Number d of each block: its outputs are multiplied by d, its inputs divided by it.
     """
 
     matrices: Matrices
@@ -129,7 +129,7 @@ class ScalingSearch:
         """Return the search of a system."""
         d = _balance_channels(system, blocks)
         left, right = (np.repeat(d, sizes) for sizes in _channel_sizes(blocks))
-        A, B, C, D = continuous_image(system)  # that of a discrete loop has the same P
+        A, B, C, D = continuous_image(system)  # a discrete loop has the same P
         scaled = A, B / right, left[:, None] * C / level, left[:, None] * D / right / level
         conditioned, first = well_conditioned_with(scaled)
         T = _riccati_coordinates(conditioned)
@@ -149,7 +149,7 @@ class ScalingSearch:
         )
 
     def scalings(self, solver: str | None) -> Iterator[_Scaling]:
-        """Yield scalings to try: what the solver finds; without one the balance itself, then what each finds."""
+        """Yield scalings to try: that of the solver; if none is given, the balance, then those of all solvers."""
         sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
         if solver is None:
             yield _Scaling(X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes))
@@ -162,7 +162,7 @@ class ScalingSearch:
                     break
 
     def solve(self, solver: str) -> _Scaling | None:
-        """Return the P, X and G with the largest margin that cvxpy finds."""
+        """Return the P, X and G with the largest margin that cvxpy finds, or None."""
         import cvxpy as cp
 
         A, B, C, D = self.matrices
@@ -199,7 +199,7 @@ class ScalingSearch:
         return _Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
 
     def place(self, X: Sequence, G: Sequence) -> tuple:
-        """Return X_L, X_R and G on the channels, of numbers or of expressions of cvxpy."""
+        """Return X_L, X_R and G on the channels, as numbers or as expressions of cvxpy."""
         outputs, inputs = map(sum, _channel_sizes(self.blocks))
         left, right, skew = 0, 0, np.zeros((inputs, outputs))
         r = c = 0
@@ -214,7 +214,7 @@ class ScalingSearch:
         return left, right, skew
 
     def storages(self, scaling: _Scaling) -> Iterator[np.ndarray]:
-        """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with ever less margin."""
+        """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with decreasing margin."""
         if scaling.P is not None:
             yield scaling.P
         A, B, C, D = self.matrices
@@ -235,7 +235,7 @@ class ScalingSearch:
 
 
 def _channel_sizes(blocks: Sequence[Block]) -> tuple[list[int], list[int]]:
-    """Return the outputs each block reads, and the inputs it drives."""
+    """Return the number of outputs and the number of inputs of each block."""
     return [rows for rows, _, _ in blocks], [cols for _, cols, _ in blocks]
 
 
@@ -247,7 +247,7 @@ def _change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
 
 
 def _riccati_coordinates(matrices: Matrices) -> np.ndarray:
-    """Return coordinates in which the identity is nearly a solution at a level above the norm: T'T solves it there."""
+    """Return coordinates in which the identity nearly solves the inequality at a level above the norm, as T'T does."""
     A, B, C, D = matrices
     n, m = B.shape
     size = np.linalg.norm(C) ** 2 / max(n, 1) + 1e-12

@@ -1,4 +1,4 @@
-"""Stable or not: floating point says so far from the boundary, exact arithmetic beside it."""
+"""Decisions on stability: floating point far from the boundary, exact arithmetic close to it."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from robust.proofs.exact.stability import decide_matrix_stability
 from robust.proofs.search.bands import GainBound, bound_transfer
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-_BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
-MAX_EXACT_STATES = 60  # states: seconds beyond
+_BOUNDARY_FACTOR = 1e6  # times the shift of a pole by rounding
+MAX_EXACT_STATES = 60  # number of states; more would take seconds
 
 
 def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
-    """Return whether a pole lies so near the stability boundary that rounding may matter, by a wide margin.
+    """Return whether a pole is so close to the stability boundary that rounding may matter, with a wide margin.
 
-    `found` are its `poles_with_rounding`, where they are known.
+    `found` are its `poles_with_rounding`, if they are known.
     """
     poles, moved = poles_with_rounding(system) if found is None else found
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
-    rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # putting the system together rounds too
+    rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # assembling the system rounds too
     return bool(np.any(np.abs(excess) <= _BOUNDARY_FACTOR * rounding))
 
 
 def decide_stability(system: control.StateSpace) -> StabilityResult:
-    """Return whether every pole of the system, its matrix taken as it is, is strictly stable.
+    """Decide whether every pole of the system, with its matrix as given, is strictly stable.
 
     >>> on_the_axis = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> found = decide_stability(on_the_axis)
@@ -59,20 +59,20 @@ def decide_stability(system: control.StateSpace) -> StabilityResult:
     return StabilityResult(state=Stability.UNSTABLE, pole=complex(worst), at_boundary=True)
 
 
-# ---- The norm that a controller reaches with a plant, certified from both as they are given.
+# ---- The norm of a plant with a controller, certified from both as they are given.
 
-_LEVEL_MARGIN = 1e-7  # how far above the norm that was computed a level is tried, relative to it
-_NORM_TOLERANCE = 1e-9  # between both bounds of a norm
-TIME_CAP = 60.0  # processor time [s] after which a loop is left open
+_LEVEL_MARGIN = 1e-7  # relative distance of a tried level above the computed norm
+_NORM_TOLERANCE = 1e-9  # relative, between both bounds of a norm
+TIME_CAP = 60.0  # processor time [s] after which a loop is left undecided
 
 
 def certify_closed_loop(
     P: control.StateSpace, K: control.StateSpace, gamma: float, *, subject: str = "norm"
 ) -> Certificate:
-    """Prove the norm of F_l(P, K) just above `gamma`, what it was found to be; else just above what it is.
+    """Prove a level just above `gamma`, the computed norm of F_l(P, K); if that fails, just above the norm itself.
 
-    Returns a certificate whose level is the bound that was proved. One that does not hold has as its level what the
-    norm is at least (inf: the loop is not stable). A loop through which nothing passes has level zero.
+    The level of the certificate is the proved bound. If it does not hold, its level is a lower bound of the norm (inf
+    for an unstable loop). A loop with zero transfer has level zero.
     """
     plant, controller = to_matrices(P), to_matrices(K)
     claim = ClosedLoopClaim(plant=plant, controller=controller, level=gamma * (1 + _LEVEL_MARGIN))
@@ -85,7 +85,7 @@ def certify_closed_loop(
 
 
 def norm_of_closed_loop(plant: Matrices, controller: Matrices) -> GainBound:
-    """Bound the norm of F_l(P, K) from both sides; both bounds are inf where it is not stable."""
+    """Bound the norm of F_l(P, K) from both sides; both bounds are inf for an unstable loop."""
     try:
         loop = transfer_of_loop(plant, controller)
     except ZeroDivisionError:
@@ -96,7 +96,7 @@ def norm_of_closed_loop(plant: Matrices, controller: Matrices) -> GainBound:
 
 
 def certificate_of_loop(claim: ClosedLoopClaim, subject: str) -> Certificate:
-    """Return the certificate of a claim that was proved."""
+    """Return the certificate of a proved claim."""
     dt = claim.plant.dt or claim.controller.dt
     return Certificate(
         subject=subject,
