@@ -1,6 +1,6 @@
-"""How a perturbation is made up of blocks, and the scalings that commute with it.
+"""The block structure of a perturbation, and the scalings that commute with it.
 
-N is cut as Delta^T is: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs of it.
+N is partitioned as Delta^T: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs of it.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class BlockStructure:
     kinds : tuple of str
         "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real one).
     rows, cols : tuple of slice
-        Outputs of N each block reads, inputs of N each block drives.
+        Outputs of N that each block reads, and inputs of N that it drives.
     left, right : (K, ., .) ndarray
         Basis of the Hermitian scalings that commute with the blocks, on the outputs and the inputs of N.
     skew : (L, n_cols, n_rows) ndarray
-        Basis of the Hermitian G of the real blocks.
+        Basis of the Hermitian G for the real blocks.
     """
 
     kinds: tuple[str, ...]
@@ -41,12 +41,12 @@ class BlockStructure:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Outputs and inputs of N that belong to the perturbation."""
+        """Number of outputs and of inputs of N that belong to the perturbation."""
         return self.rows[-1].stop, self.cols[-1].stop
 
     @property
     def scalar(self) -> bool:
-        """Whether one number per block is all the scaling there is."""
+        """True if the scaling is one number for each block."""
         return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
 
 
@@ -104,7 +104,7 @@ def blocks_with_kinds(blocks: Blocks) -> list[tuple[int, int, str]]:
 
 
 def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
-    """Return the structure, or refuse one that does not match the outputs and inputs of the system."""
+    """Return the structure; refuse one that does not match the outputs and inputs of the system."""
     found = block_structure(name, blocks)
     if found.shape != tuple(shape):
         raise ValueError(
@@ -116,21 +116,20 @@ def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str 
 
 
 def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Blocks, np.ndarray]:
-    """Return the blocks and a full one that closes what they leave of N, and which of them that is (K,)."""
+    """Return the blocks with a full one for the remaining channels of N, and a mask of it (K,)."""
     rows, cols = block_structure("blocks", blocks).shape
     whole = [*blocks, (shape[0] - rows, shape[1] - cols)]
     return whole, np.arange(len(whole)) == len(blocks)
 
 
 def _place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
-    """Return a block in a matrix of zeros."""
     out = np.zeros(shape, complex)
     out[row, col] = block
     return out
 
 
 def _hermitian_basis(n: int) -> list[np.ndarray]:
-    """n^2 Hermitian matrices of norm one; the diagonal ones first."""
+    """Return n^2 Hermitian matrices of norm one; the diagonal ones come first."""
     basis = [np.diag(row).astype(complex) for row in np.eye(n)]
     for i in range(n):
         for k in range(i + 1, n):

@@ -1,6 +1,7 @@
 """Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that attains the lower one.
 
-Of a system the upper one is proved at all frequencies, and the lower one followed to its peak (`robust.mu.skewed`).
+For a system the upper bound is proved at all frequencies, and the lower one is followed to its peak
+(`robust.mu.skewed`).
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ from robust.proofs.search.stability import decide_stability
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_N_STARTS = 6  # of `lower`
-_GAP = 0.05  # relative distance of both bounds of a system to which the box of real parameters is cut
-_EXACT_INTERVALS = 60  # intervals of a proof over the rationals: a second
+_N_STARTS = 6  # random starts of `lower`
+_GAP = 0.05  # relative distance of both bounds of a system at which the box of real parameters is cut no more
+_EXACT_INTERVALS = 60  # largest number of intervals for a proof over the rationals: a second
 
 
 @value(copy=False)
@@ -43,21 +44,21 @@ class StructuredBounds:
     Fields
     ------
     omega : (W,) ndarray or None
-        Frequencies [rad/s]; None of an array without them. Of a system without `omega=` the peak that was found is one.
+        Frequencies [rad/s]; None for an array without them. For a system without `omega=` they include the peak found.
     lower, upper : (W,) ndarray
         The structured singular value, or the worst gain over the set, lies between them. With `certificates` the
         largest `upper`, at the peak, is proved to hold at every frequency.
     delta : (n_in, n_out, W) ndarray
-        Of mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan where none was found. Of
-        a gain: the perturbation of size at most one with the gain `lower`; with a lower of inf it makes the loop
+        For mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan if none was found. For a
+        gain: the perturbation of size at most one with the gain `lower`; for a lower bound of inf it makes the loop
         singular.
     quantity : str
         "mu" or "worst gain".
     certificates : tuple of Certificate
-        The proof, of every part into which the box of real parameters was cut: mu stays below one with the outputs of
-        all blocks, of a gain those of the performance, over the largest `upper`. Empty where there is none.
+        The proof, one for every part of the box of real parameters: mu stays below one with the outputs of all blocks
+        (for a gain: of the performance) divided by the largest `upper`. Empty if there is no proof.
     reason : str
-        Why there is none of a system, or why the bounds are more than 5 % apart.
+        Reason why a system has no proof, or why the bounds are more than 5 % apart.
 
     References
     ----------
@@ -79,7 +80,7 @@ class StructuredBounds:
 
     def __str__(self) -> str:
         k, W = int(np.argmax(self.upper)), self.upper.size
-        attained = np.isinf(self.lower.max())  # a fact, whatever was looked at
+        attained = np.isinf(self.lower.max())  # true at any number of frequencies
         where = " at every frequency" if self.certificates else f" on {W} lines" if W > 1 and not attained else ""
         at = "" if self.omega is None else f", largest at {self.omega[k]:.4g} rad/s"
         text = f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{where}{at}"
@@ -91,24 +92,26 @@ def bounds(
 ) -> StructuredBounds:
     """Bound the structured singular value of a system from both sides.
 
+    Use this for the size of the smallest structured perturbation that makes a loop unstable. For a bound of a gain over
+    a set of perturbations use `worst_gain`.
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        What the perturbation closes; one matrix may be (n_out, n_in).
+        System that the perturbation closes; one matrix may be (n_out, n_in).
     blocks : list
         As for `upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
     omega : (W,) array_like, optional
-        Frequencies [rad/s], on which alone the system is then looked at. Of a frequency response they are its own when
-        not given, of an array they are a label.
+        Frequencies [rad/s] at which the system is evaluated, and no others. A frequency response has its own by
+        default; for an array they are labels.
     rng : Generator, int or None
         For the random starts of the lower bound.
 
     Returns
     -------
     StructuredBounds
-        upper : that of `upper`. lower, delta : those of `lower`. Of a system without `omega=` the largest
-        ones are those of all frequencies: the upper one proved, the lower one of a perturbation that takes a pole to
-        the stability boundary.
+        upper : as from `upper`. lower, delta : as from `lower`. For a system without `omega=` the largest values hold
+        for all frequencies: the upper one is proved, the lower one is that of a perturbation that takes a pole to the
+        stability boundary.
 
     Raises
     ------
@@ -128,7 +131,7 @@ def bounds(
     >>> abs(np.linalg.det(np.eye(2) - N(1j) @ found.delta[:, :, 1])).round(9).item()
     0.0
 
-    A real parameter, s^2 + (1 + 1.2 d) s + 1, counts at one frequency:
+    A real parameter, in s^2 + (1 + 1.2 d) s + 1, matters at one frequency:
 
     >>> N = control.ss([[0, 1], [-1, -1]], [[0], [-1.2]], [[0, 1]], [[0]])
     >>> print(bounds(N, [(1, 1, "real")]))
@@ -139,7 +142,7 @@ def bounds(
     s = structure_for("blocks", blocks, M.shape[:2])
     found = lower(M, blocks, n_starts=_N_STARTS, rng=rng)
     assert found.delta is not None  # of a lower bound
-    above = np.maximum(upper(M, blocks).value, found.value)  # where they meet rounding may cross them
+    above = np.maximum(upper(M, blocks).value, found.value)  # if they meet, rounding may cross them
     on_lines = StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
     if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
         return on_lines
@@ -154,7 +157,8 @@ def worst_gain(
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        Its first outputs and inputs belong to the perturbations, the others are the performance; as for `bounds`.
+        Its first outputs and inputs belong to the perturbations, the others are the performance; otherwise as for
+        `bounds`.
     blocks : list
         The perturbations, of size at most one, as for `upper`.
     omega : (W,) array_like, optional
@@ -165,8 +169,8 @@ def worst_gain(
     Returns
     -------
     StructuredBounds
-        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are inf
-        where a perturbation of the set makes the loop singular.
+        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are inf if a
+        perturbation of the set makes the loop singular.
 
     Raises
     ------
@@ -193,7 +197,7 @@ def worst_gain(
     on_lines = StructuredBounds(
         omega=omega,
         lower=reached,
-        upper=np.maximum(bound, reached),  # where they meet rounding may cross them
+        upper=np.maximum(bound, reached),  # if they meet, rounding may cross them
         delta=np.moveaxis(delta, 0, 2),
         quantity="worst gain",
     )
@@ -206,18 +210,18 @@ def worst_gain(
 def _at_every_frequency(
     found: StructuredBounds, N: control.StateSpace, blocks: Blocks, *, growing: np.ndarray
 ) -> StructuredBounds:
-    """Return the bounds with those of all frequencies, at the peak: 1 over how large the blocks that grow may be."""
+    """Add the bounds over all frequencies, at the peak: 1 over the largest size of the blocks that grow."""
     margin = skewed_margin(N, blocks, growing=growing, gap=_GAP)
     of_gain, nominal = not growing.all(), decide_stability(N)
-    if of_gain and nominal.unstable:  # of the gain of a system that is not stable
+    if of_gain and nominal.unstable:  # the gain of an unstable system
         at = abs(to_s_plane(np.atleast_1d(nominal.pole), timebase(N))[0].imag)
         margin = replace(margin, level=0.0, broken=0.0, omega=at, delta=0 * np.nan_to_num(margin.delta), reason="")
     with np.errstate(divide="ignore"):
         reached, proved = 1 / np.array([margin.broken, margin.level])
     omega = found.omega
-    assert omega is not None  # of a system with states
+    assert omega is not None  # for a system with states
     upper = np.minimum(found.upper, proved)
-    if reached < found.lower.max() or not reached:  # it is found best on a line
+    if reached < found.lower.max() or not reached:  # a line has the best one
         at = int(np.argmax(found.lower if reached else upper))
         upper[at] = max(proved if margin.level else upper[at], found.lower[at])
         found = replace(found, upper=upper)
@@ -237,7 +241,7 @@ def _at_every_frequency(
 
 
 def _exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMargin) -> tuple[Certificate, ...]:
-    """Return the proof over the rationals where the box of parameters is whole and few intervals suffice."""
+    """Return the proof over the rationals if the box of parameters is whole and few intervals suffice."""
     if len(margin.certificates) == 1 and not margin.n_unstable:
         system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
         exact = certify_intervals(system, given, 1 - SLACK, most=_EXACT_INTERVALS)
@@ -246,7 +250,7 @@ def _exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMar
 
 
 def _sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
-    """Frequencies and the response (n_out, n_in, W) there."""
+    """Return frequencies, and the response (n_out, n_in, W) at them."""
     if omega is not None:
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
         if omega.ndim != 1 or not np.isfinite(omega).all():

@@ -1,9 +1,9 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
-First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); where none is found, one for each
+First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); if none is found, one for each
 interval of the frequency axis (`robust.mu.intervals`). Anyone can repeat either proof over the rationals. Repeated
-parameters may ask for thousands of intervals. There the scaling of one frequency is taken as far as exact arithmetic
-says that it proves the level (`robust.mu.pieces`), which is quicker, but leaves nothing to be repeated.
+parameters may need thousands of intervals. Then the scaling of one frequency is used on the whole range on which exact
+arithmetic proves the level with it (`robust.mu.pieces`). This is faster, but leaves no claim to repeat.
 """
 
 from __future__ import annotations
@@ -33,31 +33,32 @@ from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 
-_MAX_INTERVALS = 2000  # of one scaling each
+_MAX_INTERVALS = 2000  # with one scaling each
 
 
 def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
+    Use this for robust stability (level one) of a loop whose perturbation has several blocks.
     Parameters
     ----------
     N_ss : control.StateSpace
-        Stable system that the perturbation closes, continuous or discrete.
+        Stable system that the perturbation closes; continuous or discrete.
     blocks : list
         As for `upper`.
     level : float
-        With mu < level everywhere the loop is stable for every stable linear perturbation of the structure of gain at
-        most 1/level (with a block for performance: and keeps its gain from there under level).
+        If mu < level everywhere, the loop is stable for every stable linear perturbation of the structure with a gain
+        of at most 1/level (with a block for performance: and its gain stays below the level).
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; one after the other when not given.
+        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; if it is not given, first one, then the other.
 
     Returns
     -------
     Certificate
-        One that does not hold says why: the system is not stable, the upper bound reaches the level at a frequency, or
-        the intervals became too many, with the one that is left. intervals : (I, 2) with the frequencies [rad/s]
-        proved. By "scaled KYP" (one scaling) and "generalised KYP" (one an interval) it is proved over the rationals,
-        and `verify` repeats that; by "scalings, each where it holds" it is, too, and `verify` has nothing to repeat.
+        If it does not hold, its reason is: the system is not stable, the upper bound reaches the level at a frequency,
+        or too many intervals, with the open one. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
+        "scaled KYP" (one scaling) or "generalised KYP" (one for each interval) is exact over the rationals, and
+        `verify` repeats it. A proof by "scalings, each where it holds" is exact too, but `verify` cannot repeat it.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
     nominal = decide_stability(N)
     if not nominal.stable:
         return failed_certificate(LEVEL, level, f"the system is not stable: {nominal}")
-    # exact of N as it is, which was rounded when it was put together: the slack on the level is for that
+    # exact for N as given, but N was rounded when it was assembled: the slack on the level covers that
     slack, given = level * (1 - SLACK), blocks_with_kinds(blocks)
     found = certify_scaled(N, given, slack, solver=solver)
     if found is None:
@@ -99,7 +100,7 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
 def certify_by_intervals(
     N: control.StateSpace, blocks: Blocks, level: float, *, most: int = _MAX_INTERVALS
 ) -> Certificate:
-    """Return `certify` of a stable system by at most so many scalings, each on the pieces where it proves the level."""
+    """Return `certify` for a stable system with at most `most` scalings, each on the pieces that it proves."""
     s, dt = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss"), timebase(N)
     H, units = TransferMatrix.of(to_matrices(N)), np.full(N.ninputs, level * (1 - SLACK))
     first = _middle_of_poles(H)
@@ -134,6 +135,6 @@ def certify_by_intervals(
 
 
 def _middle_of_poles(H: TransferMatrix) -> float:
-    """Return the geometric mean of the moduli of the poles on the axis; one where there are none."""
+    """Return the geometric mean of the moduli of the poles on the axis; one if there are none."""
     sizes = np.abs(polynomial_roots(H.characteristic))
     return float(np.exp(np.mean(np.log(sizes[sizes > 0])))) if sizes.any() else 1.0

@@ -1,11 +1,11 @@
-"""The smallest perturbation that takes a pole of a loop to its stability boundary.
+"""The smallest perturbation found that takes a pole of a loop to its stability boundary.
 
-Real numbers make a loop singular at isolated frequencies only, and a grid of frequencies steps over them. Poles need no
-grid: they are followed from the nominal loop outwards, along the corners of the box of parameters, along directions
-inside it, along what moves each pole most, and from the best of them uphill (de Gaston & Safonov 1988 look at corners;
-first-order moves as in Seiler 2010; along the structured pseudospectral abscissa Guglielmi, Rehman & Kressner 2017).
-The frequency is that of the pole, at its peak. What is found is a fact about the loop; that nothing was found proves
-nothing.
+Real parameters make a loop singular at isolated frequencies only, which a grid of frequencies misses. Poles need no
+grid. They are followed from the nominal loop outwards: along the corners of the box of parameters, along directions
+inside it, along the perturbations that move each pole most, and from the best of these uphill (corners: de Gaston &
+Safonov 1988; first-order moves: Seiler 2010; structured pseudospectral abscissa: Guglielmi, Rehman & Kressner 2017).
+The frequency is that of the pole, at its peak. A perturbation that is found is a fact about the loop; a search without
+result proves nothing.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from robust.mu.blocks import BlockStructure
 from robust.mu.perturbations import MOVES, align_perturbation, normalize_perturbation
 from robust.proofs.search.stability import decide_stability
 
-_MAX_CORNER_PARAMETERS = 6  # parameters up to which every corner is looked at
-_N_DIRECTIONS = 48  # random directions beside them
-_N_SIZES = 24  # sizes looked at on the way out
-_N_IMPROVEMENTS = 15  # attempts to do better from the best perturbations
+_MAX_CORNER_PARAMETERS = 6  # largest number of parameters for which every corner is tried
+_N_DIRECTIONS = 48  # additional random directions
+_N_SIZES = 24  # sizes tried on the way out
+_N_IMPROVEMENTS = 15  # attempts to improve the best perturbations
 _N_ASCENTS = 8  # perturbations that are moved uphill each time
-_CLOSER = 1e-3, 1e-6  # relative reductions of the size that are looked for, first the one, then the other
+_CLOSER = 1e-3, 1e-6  # relative reductions of the size that are tried, first the larger
 _SINGULAR = 1e-6  # least singular value of the loop at the boundary, relative to the largest
 
 
@@ -42,7 +42,7 @@ class Crossing:
     delta : (n_in, n_out) ndarray
         The perturbation.
     omega : float
-        Where the pole crosses [rad/s].
+        Frequency of the pole that crosses [rad/s].
     """
 
     size: float
@@ -52,7 +52,7 @@ class Crossing:
 
 @value(copy=False)
 class PerturbedLoop:
-    """A system as a function of the perturbation that closes it, as K of them (K, n_in, n_out) of size one.
+    """A system as a function of the perturbations that close it: (K, n_in, n_out), of size one.
 
     Fields
     ------
@@ -61,11 +61,11 @@ class PerturbedLoop:
     s : BlockStructure
         The blocks.
     growing : (n_in, n_out) bool ndarray
-        Entries of the blocks whose size is looked for; the others are at most one.
+        Entries of the blocks whose size is searched; the other blocks have size at most one.
     dt : float
         Sampling time [s], 0 for continuous.
     n_unstable : int
-        Poles beyond the stability boundary without a perturbation.
+        Number of poles beyond the stability boundary without a perturbation.
     """
 
     A: np.ndarray
@@ -97,7 +97,7 @@ class PerturbedLoop:
         )
 
     def sized(self, E: np.ndarray, size: float) -> np.ndarray:
-        """Return the perturbations with the blocks that grow at a size; real where they are."""
+        """Return the perturbations with the growing blocks at a size; real if possible."""
         delta = np.where(self.growing, size * E, E)
         return delta if delta.imag.any() else delta.real
 
@@ -109,7 +109,7 @@ class PerturbedLoop:
         return np.asarray(self.A + self.B @ (delta @ loop))
 
     def excess(self, E: np.ndarray, size: float) -> np.ndarray:
-        """(K,) how far a pole has crossed the stability boundary; inf where the loop has no solution."""
+        """Return (K,) the distance of a pole beyond the stability boundary; inf if the loop has no solution."""
         try:
             beyond = boundary_excess(np.linalg.eigvals(self.closed(self.sized(E, size))), self)
         except np.linalg.LinAlgError:
@@ -120,7 +120,7 @@ class PerturbedLoop:
         return np.where((beyond > 0).sum(axis=1) == self.n_unstable, -nearest, nearest)
 
     def towards_boundary(self, delta: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """(K, n_in, n_out) perturbations of size one that move most the pole nearest to the boundary, or `which`."""
+        """Return (K, n_in, n_out) of size one that move the pole nearest to the boundary, or `which`, most."""
         values, right = np.linalg.eig(self.closed(delta))
         beyond, each = boundary_excess(values, self), np.arange(len(delta))
         if which is None:
@@ -136,7 +136,7 @@ class PerturbedLoop:
         return align_perturbation(drive.conj(), reads, turn=turn, s=self.s)
 
     def uphill(self, E: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return perturbations moved once towards the boundary, as far as is best, and their excess."""
+        """Return perturbations after one best step towards the boundary, and their excess."""
         now = self.excess(E, size)
         try:
             corner = self.towards_boundary(self.sized(E, size) + np.zeros(1))
@@ -152,7 +152,7 @@ class PerturbedLoop:
         return moved, now
 
     def crossing_size(self, E: np.ndarray, inner: float, outer: float) -> float:
-        """Return the size between one on this side of the boundary and one beyond it where E crosses, from above."""
+        """Return an upper bound of the size at which E crosses, between one inside and one beyond the boundary."""
         if self.excess(E[None], 0.0)[0] > 0:
             return 0.0
         for _ in range(50):
@@ -172,20 +172,19 @@ def find_crossing(
     growing: np.ndarray | None = None,
     seeds: np.ndarray | None = None,
 ) -> Crossing | None:
-    """Return the smallest perturbation found that takes a pole of a loop to the boundary.
-
+    """Return the smallest perturbation found that takes a pole of a loop to the boundary, or None.
     Parameters
     ----------
     N : control.StateSpace
-        What the perturbation closes.
+        System that the perturbation closes.
     s : BlockStructure
         The blocks.
     least, limit : float
-        Sizes between which it is looked for.
+        Range of sizes for the search.
     growing : (K,) bool ndarray, optional
-        Blocks whose size is looked for, down to zero; the others are at most one. All when not given.
+        Blocks whose size is searched, down to zero; the other blocks have size at most one. All by default.
     seeds : (S, n_in, n_out) ndarray, optional
-        Perturbations of size one to begin with, beside the usual ones.
+        Perturbations of size one as additional starts.
     """
     if not N.nstates or least >= limit:
         return None
@@ -210,12 +209,12 @@ def find_crossing(
 
 
 def boundary_excess(poles: np.ndarray, of: control.StateSpace | PerturbedLoop) -> np.ndarray:
-    """Return how far poles of a system are beyond the stability boundary."""
+    """Return the distances of poles of a system beyond the stability boundary."""
     return np.asarray(np.abs(poles) - 1 if of.dt else poles.real)
 
 
 def _moved_states(N: control.StateSpace) -> np.ndarray:
-    """Return the states that a path leads to from an input and from which one leads to an output: the others stay."""
+    """Return the states on a path from an input to an output; the others do not move."""
     into, out = np.any(N.B != 0, axis=1), np.any(N.C != 0, axis=0)
     for _ in range(N.nstates):
         into, out = into | ((N.A != 0) @ into), out | ((N.A != 0).T @ out)
@@ -223,7 +222,7 @@ def _moved_states(N: control.StateSpace) -> np.ndarray:
 
 
 def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.ndarray:
-    """Return (K, n_in, n_out) perturbations of size one: parameters by themselves, what moves each pole, the seeds."""
+    """Return (K, n_in, n_out) of size one: parameters alone, perturbations that move each pole most, and the seeds."""
     s = loop.s
     real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
     starts = []
@@ -241,7 +240,7 @@ def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.nd
 
 
 def _search_directions(n: int) -> np.ndarray:
-    """Return (K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
+    """Return (K, n) directions: corners of the box, all or some; each parameter alone; and points inside."""
     rng = np.random.default_rng(0)
     corners = (
         np.array(list(product((-1.0, 1.0), repeat=n)))
@@ -254,7 +253,7 @@ def _search_directions(n: int) -> np.ndarray:
 
 
 def _improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float) -> tuple[np.ndarray, float]:
-    """Return a perturbation that crosses at a smaller size, found uphill a little below the present one, and that."""
+    """Return a perturbation that crosses at a smaller size, found uphill just below the present one, and its size."""
     for closer in _CLOSER:
         for _ in range(_N_IMPROVEMENTS if size else 0):
             below = (1 - closer) * size
@@ -268,8 +267,8 @@ def _improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: fl
 
 
 def verified_crossing(N: control.StateSpace, loop: PerturbedLoop, E: np.ndarray, size: float) -> Crossing | None:
-    """Return the crossing where the loop is singular at the frequency of the pole, or unstable beyond."""
-    if not size:  # the blocks that do not grow break it alone: as large as they must be
+    """Return the crossing if the loop is singular at the frequency of the pole, or unstable beyond; else None."""
+    if not size:  # the blocks that do not grow suffice: find their size
         loop = replace(loop, growing=~loop.growing)
         E = np.where(loop.growing, E, 0)
         found = verified_crossing(N, loop, E, loop.crossing_size(E, 0.0, 1.0))

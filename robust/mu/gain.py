@@ -1,11 +1,11 @@
 """The worst gain over a set of perturbations: a bound by one semidefinite program, and a perturbation that attains it.
 
-With scalings X > 0 that commute with the perturbations and Hermitian G on the real blocks, the gain from the inputs to
-the outputs that no block closes stays under sqrt(gamma) where
+With scalings X > 0 that commute with the perturbations and Hermitian G for the real blocks, the gain from the inputs to
+the outputs that no block closes stays below sqrt(gamma) if
 
     N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I).
 
-That is linear in X, G and gamma together (skewed mu needs no bisection). It is solved by a primal-dual interior-point
+This is linear in X, G and gamma together, so skewed mu needs no bisection. It is solved by a primal-dual interior-point
 method for all frequencies at once, and the bound is recomputed from the scalings.
 """
 
@@ -42,8 +42,8 @@ _MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     """Return an upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
 
-    N (n_out, n_in, W): its first outputs and inputs belong to the perturbations, of size at most one, the others are
-    the performance. inf where the perturbations may make the loop singular.
+    N (n_out, n_in, W): its first outputs and inputs belong to the perturbations, of size at most one; the others are
+    the performance. The bound is inf if the perturbations may make the loop singular.
     """
     M = response_matrices("N", N)
     rows, cols = block_structure("blocks", blocks).shape
@@ -58,7 +58,7 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     open_ = np.flatnonzero(stable.value < 1)
     if not open_.size:
         return gain
-    assert stable.scaling is not None  # of an upper bound
+    assert stable.scaling is not None  # for an upper bound
     s = block_structure("blocks", blocks)
     for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // _MAX_ENTRIES)):
         D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
@@ -69,7 +69,7 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
 def _least_gain(
     M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure
 ) -> np.ndarray:
-    """Return (W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
+    """Return (W,) the least gain that scalings prove; start from those of the blocks, which leave `slack` to one."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
     # in the coordinates of these scalings X begins at one, and the gain at one
@@ -87,7 +87,7 @@ def _least_gain(
 
 
 def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(W,) the gain that variables of the program prove, recomputed from the scalings; inf where they prove none."""
+    """Return (W,) the gain that variables of the program prove, recomputed from the scalings; inf if none."""
     (rows, cols), K = s.shape, len(s.left)
     try:
         C_L, C_R = (np.linalg.cholesky(np.tensordot(variables[:, :K], each, 1)) for each in (s.left, s.right))
@@ -101,7 +101,7 @@ def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.
     )
     reached = np.sqrt(np.maximum(_least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300))
     gain = np.full(len(M), np.inf)
-    for margin in _ROUNDING_MARGINS:  # what the scalings prove counts, not what was reached
+    for margin in _ROUNDING_MARGINS:  # the gain that the scalings prove counts, not the one that was reached
         tried = reached * (1 + margin)
         divided = M.copy()
         divided[:, :, cols:] /= tried[:, None, None]
@@ -111,9 +111,9 @@ def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.
 
 
 def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) the size of the performance at which scalings of one prove least, and the level they prove there.
+    """Return (W,) the size of the performance with the least level for scalings of one, and that level.
 
-    The smallest of those tried takes half of the slack that the loop of the blocks leaves, so that it proves something.
+    The smallest size tried uses half of the slack of the loop of the blocks, so that it proves a level.
     """
     cols, rows = G.shape[1:]
     reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))
@@ -131,10 +131,10 @@ def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.
 
 
 def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H): a Schur complement; inf for none."""
+    """Return (W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H), or inf: a Schur complement."""
     A, n = scaled_square(M, G), G.shape[1]
     level = np.full(len(M), np.inf)
-    within = np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1  # else the blocks alone leave no gamma, and I - A is singular
+    within = np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1  # otherwise there is no gamma, and I - A is singular
     A = A[within]
     through = np.linalg.solve(np.eye(n) - A[:, :n, :n], A[:, :n, n:])
     level[within] = np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]
@@ -142,12 +142,12 @@ def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def _solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(len(GAPS), W, m) coefficients of X and G, and gamma, ever closer to the least, from X = I and the given G.
+    """Return (len(GAPS), W, m) coefficients of X and G, and gamma, with decreasing gap, from X = I and the given G.
 
-    The ones with a larger gap keep farther from the boundary: with a large G rounding takes what the last ones gain.
+    Those with a larger gap are farther from the boundary: with a large G rounding takes the gain of the last ones.
 
-    Minimise gamma with Z_1 = diag(X_R, gamma I) - M^H diag(X_L, I) M - j (G M - M^H G^H) and Z_2 = X_L positive: the
-    predictor and corrector of Mehrotra with the direction of Helmberg, Rendl, Vanderbei & Wolkowicz 1996.
+    Minimise gamma with Z_1 = diag(X_R, gamma I) - M^H diag(X_L, I) M - j (G M - M^H G^H) and Z_2 = X_L positive, by
+    the predictor and corrector of Mehrotra with the direction of Helmberg, Rendl, Vanderbei & Wolkowicz 1996.
     """
     W, n, (rows, cols) = len(M), M.shape[2], s.shape
     K, n_skew = len(s.left), len(s.skew)
@@ -191,7 +191,7 @@ def _solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.n
 def _interior_point_step(
     y: np.ndarray, Z: list[np.ndarray], *, Y: list[np.ndarray], cones: list[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
-    """One step of variables, slacks and multipliers, and the gap (W,) behind it: nan where there was none to make."""
+    """Take one step of variables, slacks and multipliers; return them and the gap (W,), nan if no step was possible."""
     W, m = y.shape
     size = sum(each.shape[1] for each in Z)
     inverse = [np.linalg.inv(each) for each in Z]
@@ -246,13 +246,13 @@ def _interior_point_step(
 
 
 def _inverse_root(A: np.ndarray) -> np.ndarray:
-    """A^-1/2 of every positive matrix; nan where it is none."""
+    """Return A^-1/2 of every matrix; nan if it is not positive."""
     values, vectors = np.linalg.eigh(A)
     return np.where(values > 0, values, np.nan)[:, None, :] ** -0.5 * vectors
 
 
 def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
-    """Return (W,) how far all matrices stay positive along their steps, at most one; nan where that is not known."""
+    """Return (W,) the longest step up to one for which all matrices stay positive; nan if it is unknown."""
     least = np.zeros(len(steps[0]))
     for root, step in zip(roots, steps, strict=True):
         turned = conjugate_transpose(root) @ step @ root
@@ -264,11 +264,11 @@ def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarra
 
 # ---- A perturbation of the set that makes the gain large.
 #
-# The gain of F_u(N, Delta) moves by u* N_21 (I - Delta N_11)^-1 d(Delta) (I - N_11 Delta)^-1 N_12 v with its singular
-# vectors: over the set most towards a corner in closed form. Any Delta on the way there lies in the set too (the method
-# of Frank & Wolfe), so each step takes the largest gain of some.
+# The gain of F_u(N, Delta) changes by u* N_21 (I - Delta N_11)^-1 d(Delta) (I - N_11 Delta)^-1 N_12 v with its singular
+# vectors. Over the set it rises most towards a corner in closed form. Every Delta on the way there is in the set too
+# (the method of Frank & Wolfe), so each step takes the largest gain of several points on the way.
 
-_N_SEARCHES = 12  # random starts beside the perturbation of skewed mu
+_N_SEARCHES = 12  # random starts, in addition to the perturbation of skewed mu
 _MAX_ASCENT = 200
 _GROWTH = 1e-7
 
@@ -276,9 +276,9 @@ _GROWTH = 1e-7
 def search_worst_case(
     M: np.ndarray, blocks: Blocks, *, upper: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
+    """Return (W,) the largest gain found over the set, and (W, n_in, n_out) its perturbation.
 
-    inf, with a perturbation that makes the loop singular, where one of at most size one was found.
+    The gain is inf, with a perturbation that makes the loop singular, if one of size at most one was found.
     """
     s = block_structure("blocks", blocks)
     (rows, cols), W = s.shape, len(M)
@@ -286,7 +286,7 @@ def search_worst_case(
     open_ = np.flatnonzero(np.isinf(upper))
     if open_.size:
         smallest = search_perturbation(M[open_, :rows, :cols], s, n_starts=6, rng=rng)
-        assert smallest.delta is not None  # of a lower bound
+        assert smallest.delta is not None  # for a lower bound
         singular = smallest.value >= 1
         gain[open_[singular]] = np.inf
         delta[open_[singular]] = np.moveaxis(smallest.delta, 2, 0)[singular]
@@ -309,7 +309,7 @@ def search_worst_case(
 def _perturbation_of_skewed_mu(
     M: np.ndarray, s: BlockStructure, *, gain: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """(W, n_in, n_out) of size at most one, what the blocks do where with the outputs over the gain mu is one."""
+    """Return (W, n_in, n_out) of size at most one: the blocks of skewed mu at one with the outputs over the gain."""
     rows, cols = s.shape
     level = np.where(np.isfinite(gain), gain, 10 * np.linalg.norm(M[:, rows:, cols:], axis=(1, 2)) + 1e-300)
     scaled = M.copy()
@@ -317,14 +317,14 @@ def _perturbation_of_skewed_mu(
     sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
     whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
     found = search_perturbation(scaled, whole, n_starts=2, rng=rng)
-    assert found.delta is not None  # of a lower bound
+    assert found.delta is not None  # for a lower bound
     delta = np.nan_to_num(np.moveaxis(found.delta, 2, 0)[:, :cols, :rows])
     size = np.linalg.norm(delta, 2, axis=(1, 2))
     return delta / np.maximum(size, 1.0)[:, None, None]
 
 
 def _ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) gains and perturbations of size at most one, moved until the gain grows no more."""
+    """Return (W,) gains and perturbations of size at most one, moved until the gain stops growing."""
     rows, cols = s.shape
     delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
     for _ in range(_MAX_ASCENT):
@@ -351,7 +351,7 @@ def _ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[n
 
 
 def closed_gain(M: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """F_u(M, delta) of every matrix."""
+    """Return F_u(M, delta) for every matrix."""
     cols, rows = delta.shape[1:]
     loop = np.linalg.solve(np.eye(rows) - M[:, :rows, :cols] @ delta, M[:, :rows, cols:])
     return np.asarray(M[:, rows:, cols:] + M[:, rows:, :cols] @ delta @ loop)

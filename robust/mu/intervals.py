@@ -1,14 +1,14 @@
 """A level of mu proved interval by interval: scalings, P and Q for the generalised KYP lemma.
 
-An interval of x, omega or tan(omega dt / 2), is taken to [-1, 1] by v = (alpha x + beta)/(gamma x + delta), and one
-scaling is frozen on it. What is asked for then is a Q > 0 with
+An interval of x, omega or tan(omega dt / 2), is mapped to [-1, 1] by v = (alpha x + beta)/(gamma x + delta), and one
+scaling is used on it. The proof needs a Q > 0 with
 
     X_R - N* X_L N + K N + N* K* - (1 - v^2) g* Q g > 0      at every real v, g the states,
 
-so that Q costs something within the interval and gives back outside, where the scaling does not fit. Around v = 0 N
-moves along C A^-1: with Q along C and C A^-1 it costs less and gives back more the narrower the interval is, so that
-one which is cut often enough is proved where mu is below the level. P is the solution of a Riccati equation. Nothing
-of that is trusted: `robust.proofs.exact.interval_kyp` decides over the rationals.
+so that Q costs inside the interval and gains outside, where the scaling does not fit. Around v = 0 N moves along C
+A^-1. With Q along C and C A^-1 the cost falls and the gain rises as the interval shrinks, so a level above mu is proved
+if the intervals are short enough. P is the solution of a Riccati equation. None of this is trusted:
+`robust.proofs.exact.interval_kyp` decides over the rationals.
 """
 
 from __future__ import annotations
@@ -32,26 +32,27 @@ from robust.proofs.search.certificate import GENERALISED_KYP, Certificate, faile
 from robust.proofs.search.scaled_kyp import ScalingSearch
 
 _MOST_INTERVALS = 400
-_NARROW = 1e-6  # relative width of an interval that is not cut any more, and of the slowest and the fastest pole
-_WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are looked for
+_NARROW = 1e-6  # relative width of the narrowest interval, also relative to the slowest and the fastest pole
+_WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are searched
 _AROUND = np.tan(np.pi / 2 * np.linspace(-0.995, 0.995, 80))  # v at which Q is tried
 _FARTHEST = 1e6  # v beyond which the response is that at infinity
-#: Times the modulus of every pole: further frequencies at which Q is tried.
+#: Factors on the modulus of every pole, for further frequencies at which Q is tried.
 _MODE_OFFSETS = (0.1, 0.3, 0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.7, 3.0, 10.0)
-_SHARES = (0.05, 0.15, 0.4, 0.7)  # of what the scaling leaves that Q may cost, along C and along C A^-1
-#: Shares of the largest scaling that all may have: what couples little may take any, and similar ones serve best.
+_SHARES = (0.05, 0.15, 0.4, 0.7)  # of the slack of the scaling that Q may cost, along C and along C A^-1
+#: Floors of all scalings relative to the largest: weakly coupled blocks may have any scaling, and similar ones are
+#: best.
 _FLOORS, _NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
-_LEAST_Q = 1e-3  # of what is left, by Q along each state
-_MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states together
+_LEAST_Q = 1e-3  # share of the remaining slack for Q along each state
+_MARGINS = (0.7, 0.3, 0.03, 1e-3)  # share of the remaining slack that all states together must leave
 
 
 def certify_intervals(
     system: control.StateSpace, blocks: Sequence[Block], level: float, *, most: int = _MOST_INTERVALS
 ) -> Certificate:
-    """Return a certificate of a level of a stable system with one scaling an interval.
+    """Return a certificate of a level for a stable system with one scaling an interval.
 
-    system : continuous or discrete. blocks : (rows, cols, kind) of each. most : intervals. One that does not
-    hold names the interval that is left.
+    system : continuous or discrete. blocks : (rows, cols, kind) of each. most : largest number of intervals. The reason
+    of a certificate that does not hold names the open interval.
 
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> proof = certify_intervals(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "real")], 2.001)
@@ -96,7 +97,7 @@ def certify_intervals(
 
 @value(copy=False)
 class _Frozen:
-    """A scaling: X of every block and K of the real ones, complex; X_L, X_R and K on the channels."""
+    """A scaling: X of every block and K of the real blocks, complex; X_L, X_R and K on the channels."""
 
     X: tuple[np.ndarray, ...]
     K: tuple[np.ndarray, ...]
@@ -105,7 +106,7 @@ class _Frozen:
     skew: np.ndarray
 
     def popov(self, N: np.ndarray) -> np.ndarray:
-        """(W, m, m) X_R - N* X_L N + K N + N* K*: positive where it proves the level."""
+        """Return (W, m, m) X_R - N* X_L N + K N + N* K*, which is positive if it proves the level."""
         turned = self.skew @ N
         return np.asarray(self.right - conjugate_transpose(N) @ self.left @ N + turned + conjugate_transpose(turned))
 
@@ -117,18 +118,18 @@ class _Frozen:
 
 @value(copy=False)
 class _IntervalSearch:
-    """A stable system at level one in continuous time, whose intervals of x are to be proved.
+    """A stable system at level one in continuous time, with the search for the proofs of its intervals.
 
     Fields
     ------
     search : ScalingSearch
         The system in balanced channels and good coordinates.
     claim : IntervalClaim
-        What is claimed, with a piece that proves nothing.
+        The claim, with a piece that proves nothing.
     loop : ExactLoop
-        What decides.
+        Exact test of a piece.
     poles : ndarray
-        Of the system.
+        Poles of the system.
     """
 
     search: ScalingSearch
@@ -156,25 +157,25 @@ class _IntervalSearch:
         return cls(search=search, claim=claim, loop=ExactLoop.of(claim), poles=np.linalg.eigvals(A))
 
     def omega_of(self, x: float) -> float:
-        """Frequency [rad/s]."""
+        """Return the frequency [rad/s] of x."""
         dt = self.claim.system.dt
         return float(2 / dt * np.arctan(x)) if dt else x
 
     def is_narrow(self, low: float, high: float) -> bool:
-        """Return whether an interval is not to be cut any more."""
+        """Return whether an interval is too narrow to cut."""
         speeds = np.abs(self.poles)
         if np.isinf(high):
             return bool(low > speeds.max() / _NARROW)
         return bool(high - low <= _NARROW * low if low else high < _NARROW * speeds.min())
 
     def cut_between(self, low: float, high: float) -> float:
-        """Return where an interval is cut."""
+        """Return the point at which an interval is cut."""
         if np.isinf(high):
             return 6 * low or float(np.exp(np.log(np.maximum(np.abs(self.poles), 1e-300)).mean()))
         return high / 6 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
 
     def prove(self, low: float, high: float) -> tuple[IntervalProof | None, tuple[float, float]]:
-        """Return the proof of one interval, or none; and the largest bound seen there over the level, and where."""
+        """Return the proof of one interval, or None; and the largest bound there over the level, and where."""
         if not low and np.isinf(high):
             return None, (0.0, 0.0)
         turned, back_to_x = _on_unit_interval(self.search.matrices, low, high)
@@ -184,14 +185,14 @@ class _IntervalSearch:
         v = _WITHIN[bound.value.argmax()]
         there = (delta * v - beta) / (alpha - gamma * v) if alpha > gamma * v else np.inf
         reached = float(bound.value.max()), self.omega_of(there)
-        assert bound.scaling is not None  # of an upper bound
+        assert bound.scaling is not None  # for an upper bound
         tried = [
             self.freeze(*(each[:, :, k] for each in bound.scaling), floor=floor)
             for floor in _FLOORS
             for k in range(len(_WITHIN))
         ]
         left = [float(_least_eigenvalues(one.root @ one.popov(response) @ one.root.conj().T).min()) for one in tried]
-        best = int(np.argmax(np.array(left) >= _NEARLY * max(left)))  # of the highest floor that is nearly as good
+        best = int(np.argmax(np.array(left) >= _NEARLY * max(left)))  # the highest floor that is nearly as good
         if reached[0] >= 1 or not left[best] > 0:
             return None, reached
         units = self.search.balance**2
@@ -209,7 +210,7 @@ class _IntervalSearch:
         return None, reached
 
     def around(self, low: float, high: float) -> np.ndarray:
-        """Return v of frequencies in and around an interval, and around every pole, of both signs."""
+        """Return v for frequencies in and around an interval and around every pole, with both signs."""
         alpha, beta, gamma, delta = _mobius(low, high)
         at_modes = np.abs(self.poles.imag)[:, None] + np.outer(self.poles.real, [-1, 0, 1])
         x = np.concatenate([np.outer(np.abs(self.poles), _MODE_OFFSETS).ravel(), at_modes.ravel()])
@@ -219,7 +220,7 @@ class _IntervalSearch:
         return np.concatenate([_AROUND, v[np.abs(v) < _FARTHEST]])
 
     def freeze(self, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray, *, floor: float) -> _Frozen:
-        """Return the scaling of a bound, with its structure to the last bit, above a share of the largest."""
+        """Return the scaling of a bound, with exact structure, above a share of the largest scaling."""
         left, right = D_L.conj().T @ D_L, D_R.conj().T @ D_R
         skew, X, K, r, c = -1j * D_R.conj().T @ G @ D_L, [], [], 0, 0
         least = floor * float(np.abs(np.diag(left)).max())
@@ -236,7 +237,7 @@ class _IntervalSearch:
 
 
 def _mobius(low: float, high: float) -> tuple[float, float, float, float]:
-    """Return alpha, beta, gamma, delta with v = (alpha x + beta)/(gamma x + delta) of -1 and 1 at the ends."""
+    """Return alpha, beta, gamma, delta of v = (alpha x + beta)/(gamma x + delta), which is -1 and 1 at the ends."""
     if np.isinf(high):
         return 1.0, -3 * low, 1.0, low
     half = (high - low) / 2
@@ -244,7 +245,7 @@ def _mobius(low: float, high: float) -> tuple[float, float, float, float]:
 
 
 def _on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matrices, tuple[float, float]]:
-    """Return the system by v, and the factors that take P and Q back to x."""
+    """Return the system as a function of v, and the factors that take P and Q back to x."""
     A, B, C, D = matrices
     alpha, beta, gamma, delta = _mobius(low, high)
     one = np.eye(len(A))
@@ -255,7 +256,7 @@ def _on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matr
 
 
 def _least_eigenvalues(M: np.ndarray) -> np.ndarray:
-    """(W,) least eigenvalues of Hermitian matrices; -inf of those with numbers that are not finite."""
+    """Return (W,) least eigenvalues of Hermitian matrices; -inf for matrices that are not finite."""
     fine = np.isfinite(M).all(axis=(1, 2))
     return np.where(fine, np.linalg.eigvalsh(np.where(fine[:, None, None], M, 0))[:, 0], -np.inf)
 
@@ -263,11 +264,11 @@ def _least_eigenvalues(M: np.ndarray) -> np.ndarray:
 def _storages(
     turned: Matrices, scaling: _Frozen, left: float, v: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield P and Q by v, with ever less margin; none where no Q of those tried does on the grid."""
+    """Yield P and Q as functions of v, with decreasing margin; nothing if no Q works on the grid."""
     A, B, C, D = turned
     n, root = len(A), scaling.root
     g = np.linalg.solve(1j * v[:, None, None] * np.eye(n) - A, np.broadcast_to(B @ root.conj().T, (len(v), *B.shape)))
-    size = np.maximum(np.linalg.norm(g, axis=2).max(axis=0), 1e-100)  # of each state, which is one from here on
+    size = np.maximum(np.linalg.norm(g, axis=2).max(axis=0), 1e-100)  # of each state, which is scaled to one below
     A, B, C, g = A * size / size[:, None], B / size[:, None], C * size, g / size[:, None]
     along = [L.conj().T @ scaling.left @ L for L in (C, C @ np.linalg.inv(A))]
     costs = [(1 - v**2)[:, None, None] * (conjugate_transpose(g) @ W @ g) for W in along]
@@ -288,7 +289,7 @@ def _storages(
 
 
 def _riccati_storage(turned: Matrices, scaling: _Frozen, Q: np.ndarray, margin: float) -> np.ndarray | None:
-    """Return P that solves the inequality with a margin for every state; None where there is none."""
+    """Return P that solves the inequality with a margin for every state, or None."""
     A, B, C, D = turned
     n = len(A)
     top = Q - A.conj().T @ Q @ A + C.conj().T @ scaling.left @ C + margin * np.eye(n)

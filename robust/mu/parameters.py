@@ -1,4 +1,4 @@
-"""The largest box of real parameters a loop bears, between a proof and a counter-example (`robust.mu.skewed`)."""
+"""The largest box of real parameters for a stable loop, between a proof and a counter-example (`robust.mu.skewed`)."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from robust.proofs.search.stability import decide_stability
 
 @value
 class ParameterMargin:
-    """Between which factors on all perturbations a loop loses its stability.
+    """Bounds of the factor on all perturbations at which a loop loses its stability.
 
     Fields
     ------
     proved : float
-        Factor up to which it is stable for every parameter of the box and every perturbation; 0: nothing is proved.
+        Factor up to which it is stable for every parameter of the box and every perturbation; 0 if nothing is proved.
     broken : float
-        Factor at which a perturbation that was found breaks it; inf where none was found.
+        Factor at which a perturbation that was found makes it unstable; inf if none was found.
     worst : (r,) ndarray
-        The parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex block.
+        Parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex block.
     omega : float
-        Where the pole crosses [rad/s].
+        Frequency of the pole that crosses [rad/s].
     boxes : (L, r, 2) ndarray
-        Ends of the boxes into which the box was cut at `proved`, of size up to one.
+        Ends of the boxes into which the whole box is cut at `proved`, of size up to one.
     certificates : tuple of Certificate
-        The proof on each of them, at all frequencies.
+        Proof for each of these boxes, at all frequencies.
     met : bool
-        Whether broken is within the gap of proved.
+        True if `broken` is within the gap above `proved`.
     reason : str
-        Why not.
+        Reason why not; empty if it is.
 
     References
     ----------
@@ -63,28 +63,29 @@ class ParameterMargin:
 def parameter_margin(
     N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, max_boxes: int = MOST_BOXES
 ) -> ParameterMargin:
-    """Find how large real parameters may be, to a stated gap: proved on every part of the box, broken just above.
+    """Find the largest box of real parameters, to a given gap: proved on every part of the box, unstable just above.
 
+    Use this for physical parameters with tolerances, for which complex perturbations would be too conservative.
     Parameters
     ----------
     N_ss : control.StateSpace
         Stable system that the perturbation closes (`UncertainSystem.loop`), continuous or discrete.
     blocks : list
-        As for `upper`, at least one of them real. Real blocks are cut, complex ones are taken whole.
+        As for `upper`, with at least one real block. Real blocks are cut, complex ones stay whole.
     gap : float
-        Relative distance between what is proved and what breaks the loop.
+        Relative distance between the proved factor and one that makes the loop unstable.
     max_boxes : int
-        Parts of the box to look at; the margins known by then are returned, and why they are not closer.
+        Largest number of parts of the box. If it is reached, the result has the margins so far, and the reason.
 
     Returns
     -------
     ParameterMargin
-        The margins are those of the perturbations all at once: 1 over the structured singular value.
+        The margins hold for all perturbations at once: 1 over the structured singular value.
 
     Raises
     ------
     ValueError
-        Blocks that do not add up to N_ss or none of them real, a system that is not stable.
+        Blocks that do not add up to N_ss, no real block, or a system that is not stable.
 
     References
     ----------
@@ -92,7 +93,7 @@ def parameter_margin(
 
     Examples
     --------
-    One parameter in two places, (s + 1)^2 + d^2: complex ones of size one break it, real ones of no size do.
+    One parameter in two places, (s + 1)^2 + d^2: complex numbers of size one make it unstable, real ones never do.
 
     >>> import control
     >>> N = control.ss(-np.eye(2), np.eye(2), [[0.0, 1.0], [-1.0, 0.0]], np.zeros((2, 2)))

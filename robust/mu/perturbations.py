@@ -1,11 +1,11 @@
 """Lower bounds on the structured singular value: a perturbation that makes the loop singular, verified.
 
 For an eigenvalue lambda = l* N Delta r of the loop, the smallest Delta of the structure with l* N Delta r = 1 is known
-in closed form: it is what moves the eigenvalue along most. Towards it the perturbation is moved as far as the
-eigenvalue grows. With complex blocks alone that is ascent on the spectral radius, with the fixed points of the power
-iteration of Packard, Fan & Doyle 1988. Real blocks may end between their limits, where the power iteration does not
-converge (Young & Doyle 1990; Seiler, Packard & Balas 2010). Where all blocks are real numbers the determinant is affine
-in each of them, and the smallest perturbation has as a rule all but one at their limits: these are solved for exactly.
+in closed form: it moves the eigenvalue most. The perturbation is moved towards it as far as the eigenvalue grows. With
+complex blocks only this is ascent on the spectral radius, with the fixed points of the power iteration of Packard, Fan
+& Doyle 1988. Real blocks may end between their limits, where the power iteration does not converge (Young & Doyle 1990;
+Seiler, Packard & Balas 2010). If all blocks are real numbers, the determinant is affine in each of them. The smallest
+perturbation then usually has all but one at their limits, and these are solved for exactly.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.scalings import MuBound, optimal_scalings, response_matrices, scaled_square
 
-_RACE, _FINISH = 12, 400  # steps from every start, and from the best of them
+_RACE, _FINISH = 12, 400  # steps from every start, and from the best starts
 _N_FINISHERS = 3
-_STARTS_OF_REAL = 4  # times as many starts with real blocks, which leave many local maxima
+_STARTS_OF_REAL = 4  # factor on the starts for real blocks, which have many local maxima
 _SINGULARITY_TOLERANCE = 1e-8
-_BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
-MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # of the way to the smallest perturbation
-_GROWTH = 1e-9  # relative growth of the eigenvalue below which no step is worth while
+_BOUNDS_MEET = 1e-6  # relative distance of the bounds at which they count as equal
+MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # shares of the way to the smallest perturbation
+_GROWTH = 1e-9  # relative growth of the eigenvalue below which the ascent stops
 _N_ANGLES = 24
-_MOST_NUMBERS = 8  # real numbers of which all signs are tried: n 2^(n-2) polynomials at each frequency
-_REAL_ROOT = 1e-6  # relative imaginary part of a root that is taken for rounding; what comes of it is verified
-_EIGENVALUE_TURNS = 2.0  # least price of an imaginary part
+_MOST_NUMBERS = 8  # largest number of real numbers for all signs: n 2^(n-2) polynomials at each frequency
+_REAL_ROOT = 1e-6  # relative imaginary part of a root that counts as rounding; the result is verified
+_EIGENVALUE_TURNS = 2.0  # least penalty of an imaginary part
 
 
 @value(copy=False)
@@ -44,7 +44,7 @@ class _Mode:
     value : (W,) ndarray
         The eigenvalue lambda.
     drive, right : (W, n_in), (W, n_out) ndarray
-        l* N and r of its vectors, l* r = 1: it moves by drive d(Delta) right.
+        l* N and r of its eigenvectors, l* r = 1: it changes by drive d(Delta) right.
     """
 
     value: np.ndarray
@@ -53,7 +53,7 @@ class _Mode:
 
 
 def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
-    """Return a structured perturbation that makes the loop singular, as small as found: mu is at least 1 over its size.
+    """Return the smallest structured perturbation found that makes the loop singular: mu is at least 1 over its size.
 
     Parameters
     ----------
@@ -62,16 +62,16 @@ def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) ->
     blocks : list
         As for `upper`.
     n_starts : int
-        Random starts at each frequency, on top of the one from the singular vectors; with real blocks four times as
-        many.
+        Random starts at each frequency, in addition to the one from the singular vectors; four times as many with real
+        blocks.
     rng : Generator, int or None
-        For the starts.
+        Random generator for the starts.
 
     Returns
     -------
     MuBound
         value : 1 over the largest singular value of delta, which has the structure and det(I - N delta) = 0, verified;
-        zero, and delta nan, where none was found. With real blocks it may stay below mu, and mu well below `upper`.
+        zero, with nan in delta, if none was found. With real blocks it may stay below mu, and mu well below `upper`.
 
     Raises
     ------
@@ -92,14 +92,14 @@ def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) ->
     """
     M = response_matrices("N", N)
     n_starts = require_integer("n_starts", n_starts, least=0)
-    unit = np.ldexp(1.0, np.frexp(np.abs(M).max(axis=(1, 2)))[1] - 1)  # with numbers near one, which can be squared
+    unit = np.ldexp(1.0, np.frexp(np.abs(M).max(axis=(1, 2)))[1] - 1)  # numbers near one, whose squares do not overflow
     found = search_perturbation(
         M / unit[:, None, None],
         structure_for("blocks", blocks, M.shape[1:]),
         n_starts=n_starts,
         rng=random_generator("rng", rng),
     )
-    assert found.delta is not None  # of a lower bound
+    assert found.delta is not None  # for a lower bound
     return replace(found, value=found.value * unit, delta=found.delta / unit)
 
 
@@ -120,7 +120,7 @@ def search_perturbation(M: np.ndarray, s: BlockStructure, *, n_starts: int, rng:
         best, delta = _verified_bound(M, _restore_eigenvalue(M, _all_but_one_at_limits(M), s), s)
     order = np.argsort(-reached, axis=0)
     for place in order[: _N_FINISHERS * (_STARTS_OF_REAL if s.skew.size else 1)]:
-        at = np.flatnonzero(best < (1 - _BOUNDS_MEET) * bound)  # elsewhere it is mu
+        at = np.flatnonzero(best < (1 - _BOUNDS_MEET) * bound)  # at the other frequencies the bound is mu
         if not at.size:
             break
         candidate, _ = _ascend(M[at], raced[place[at], at], s=s, n_steps=_FINISH)
@@ -133,10 +133,10 @@ def search_perturbation(M: np.ndarray, s: BlockStructure, *, n_starts: int, rng:
 
 
 def _all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
-    """Smallest diagonal (W, n, n) of real numbers with det(I - M delta) = 0 and all but one of a size; zero for none.
+    """Return the smallest real diagonal (W, n, n) with det(I - M delta) = 0 and all but one entry of equal size, or 0.
 
-    With the others at k times their signs, det = a(k) + t b(k) for the number t that is left: real where Im(a b*) = 0,
-    a polynomial in k. Of a pair of opposite sign patterns one is tried, as k has both signs.
+    With the others at k times their signs, det = a(k) + t b(k) for the remaining number t. It is real if Im(a b*) = 0,
+    which is a polynomial in k. One of two opposite sign patterns suffices, because k has both signs.
     """
     W, n = M.shape[:2]
     size = np.linalg.norm(M, 2, axis=(1, 2))
@@ -166,7 +166,7 @@ def _all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
 
 
 def _real_roots(coefficients: np.ndarray) -> np.ndarray:
-    """Return (W, degree) real roots of polynomials (W, degree + 1), from the power zero on; nan where there is none."""
+    """Return (W, degree) real roots of polynomials (W, degree + 1), lowest power first; nan if there is none."""
     reversed_ = coefficients[:, 1:] / np.where(coefficients[:, :1] == 0, 1e-300, coefficients[:, :1])  # of 1/k
     n = reversed_.shape[1]
     companion = np.zeros((len(coefficients), n, n))
@@ -187,9 +187,9 @@ def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 
 
 def _ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
+    """Return (W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) stops growing.
 
-    With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
+    With real blocks that is its real part minus a penalty on its imaginary part, larger than the multiplier.
     """
     delta, turned = normalize_perturbation(delta, s), not s.skew.size
     price = np.full(len(M), 0.0 if turned else _EIGENVALUE_TURNS)
@@ -199,7 +199,7 @@ def _ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int
             break
         N, now = M[todo], delta[todo]
         mode = _best_mode(N, now, price[todo])
-        if turned:  # complex blocks alone turn together
+        if turned:  # complex blocks share one phase
             phase = np.exp(-1j * np.angle(mode.value))
             now = now * phase[:, None, None]
             mode = _Mode(value=np.abs(mode.value) + 0j, drive=mode.drive * phase[:, None], right=mode.right)
@@ -214,7 +214,7 @@ def _ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int
             each = np.abs(values) if turned else values.real - price[todo][:, None] * np.abs(values.imag)
             better = each.max(axis=1) > best
             best, moved[better] = np.maximum(best, each.max(axis=1)), candidate[better]
-            if turned and (best > before * (1 + _GROWTH)).all():  # the whole way is best as a rule
+            if turned and (best > before * (1 + _GROWTH)).all():  # the whole way is usually best
                 break
         delta[todo], reached[todo] = moved, best
         todo = todo[best - before > _GROWTH * np.abs(best)]
@@ -222,7 +222,7 @@ def _ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int
 
 
 def _best_mode(M: np.ndarray, delta: np.ndarray, price: np.ndarray) -> _Mode:
-    """The eigenvalue of M delta of largest real part less the price of the imaginary one; of none the largest."""
+    """Return the eigenvalue of M delta with the largest penalised real part; without a penalty the largest."""
     values, vectors = np.linalg.eig(M @ delta)
     worth = np.where(price[:, None] > 0, values.real - price[:, None] * np.abs(values.imag), np.abs(values))
     each, k = np.arange(len(M)), worth.argmax(axis=1)
@@ -231,11 +231,11 @@ def _best_mode(M: np.ndarray, delta: np.ndarray, price: np.ndarray) -> _Mode:
 
 
 def _smallest_perturbation(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """Delta over its size k (W, n_in, n_out), the smallest with drive Delta right = 1, and |its multiplier| (W,).
+    """Return the smallest Delta with drive Delta right = 1 over its size k (W, n_in, n_out), and |multiplier| (W,).
 
     Real blocks add a_j delta_j, complex ones any number of modulus up to b k. By duality
-    1/k = min over theta of (sum |Re a_j exp(-j theta)| + b)/cos(theta); where that has a kink, one real block is
-    between its limits, and takes what the others leave of the imaginary part.
+    1/k = min over theta of (sum |Re a_j exp(-j theta)| + b)/cos(theta). At a kink of this function one real block is
+    between its limits, and cancels the imaginary part that the others leave.
     """
     W = len(mode.value)
     a, b = _real_and_complex_effects(mode, s)
@@ -268,7 +268,7 @@ def _smallest_perturbation(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, 
 
 
 def _real_and_complex_effects(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """(W, n_real) what one of each real block adds to the eigenvalue, (W,) how much the complex blocks do at most."""
+    """Return (W, n_real) effect of each real block at one on the eigenvalue, and (W,) of the complex blocks at most."""
     a, b = [], np.zeros(len(mode.value))
     for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
         drive, right = mode.drive[:, col], mode.right[:, row]
@@ -282,13 +282,13 @@ def _real_and_complex_effects(mode: _Mode, s: BlockStructure) -> tuple[np.ndarra
 
 
 def _smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(W, angles) cos(theta)/(sum |Re a_j exp(-j theta)| + b): a lower bound of the size, at its largest the size."""
+    """Return (W, angles) cos(theta)/(sum |Re a_j exp(-j theta)| + b), a lower bound whose maximum is the size."""
     reach = np.abs((np.exp(-1j * theta)[:, :, None] * a[:, None]).real).sum(axis=2) + b[:, None]
     return np.cos(theta) / np.maximum(reach, 1e-300)
 
 
 def _refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the angles (W,) of largest size within a width, by golden sections."""
+    """Return the angles (W,) of largest size within a width, by golden-section search."""
     low, high = theta - width, theta + width
     for _ in range(12):
         inner = np.stack([low + 0.382 * (high - low), low + 0.618 * (high - low)], axis=1)
@@ -299,7 +299,7 @@ def _refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarr
 
 
 def normalize_perturbation(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Return perturbations (W, ., .) with each complex block of norm one; all real: the largest entry is 1."""
+    """Return perturbations (W, ., .) with each complex block of norm one; if all are real, with largest entry one."""
     delta = delta.copy()
     if set(s.kinds) == {"real"}:
         largest = np.abs(delta).max(axis=(1, 2), keepdims=True)
@@ -313,7 +313,7 @@ def normalize_perturbation(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 
 
 def _verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """1/size of the perturbations, scaled to an eigenvalue one of N delta; zero where the loop is not singular."""
+    """Return 1/size of perturbations scaled to an eigenvalue of one of N delta; zero if the loop is not singular."""
     closed = M @ delta
     eigenvalues = np.linalg.eigvals(closed)
     real = eigenvalues[np.arange(len(M)), np.argmax(np.abs(eigenvalues), axis=1)]
@@ -332,13 +332,13 @@ def _verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tupl
 
 
 def _worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
+    """Return directions (W, n_in, 3), (W, n_out, 3) at the least upper bound, largest first, and that bound (W,).
 
-    There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
-    perturbation: right = N left, and left = Delta right, where left is as long as a Delta of size one makes it.
+    There the largest eigenvalues meet. If the bound is mu, a combination of their directions is the perturbation:
+    right = N left, and left = Delta right, with left as long as a Delta of size one makes it.
     """
     size = np.linalg.norm(M, axis=(1, 2))
-    M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
+    M = M / np.where(size > 0, size, 1.0)[:, None, None]  # so that an N of size one gives the right directions
     D_L, D_R, G = optimal_scalings(M, s)
     scaled = D_L @ M @ np.linalg.inv(D_R)
     values, vectors = np.linalg.eigh(scaled_square(scaled, G))
@@ -351,7 +351,7 @@ def _worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.
 def _perturbation_from_directions(
     left: np.ndarray, right: np.ndarray, *, s: BlockStructure, rng: np.random.Generator | None, random: bool
 ) -> np.ndarray:
-    """Return a perturbation of size one along the first direction, or along a random combination, or any random one."""
+    """Return a perturbation of size one along the first direction, a random combination, or a random direction."""
     W, k = left.shape[0], left.shape[2]
     if rng is None:
         return align_perturbation(left[:, :, 0], right[:, :, 0], turn=np.ones(W), s=s, inside=True)
@@ -366,9 +366,9 @@ def _perturbation_from_directions(
 def align_perturbation(
     left: np.ndarray, right: np.ndarray, *, turn: np.ndarray, s: BlockStructure, inside: bool = False
 ) -> np.ndarray:
-    """Delta of size one that maximises Re(turn* left* Delta right), block by block.
+    """Return Delta of size one that maximises Re(turn* left* Delta right), block by block.
 
-    `inside` gives real blocks the number that takes right to left, where it is in [-1, 1].
+    `inside` gives a real block the number that takes right to left, if it is in [-1, 1].
     """
     delta = np.zeros((left.shape[0], *s.shape[::-1]), complex)
     with np.errstate(all="ignore"):
@@ -391,7 +391,7 @@ def align_perturbation(
 
 
 def _restore_eigenvalue(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Newton steps of least length that bring the eigenvalue onto the real axis, sizes left free."""
+    """Take Newton steps of least length that bring the eigenvalue onto the real axis, without limits on the sizes."""
     delta = delta.copy()
     for _ in range(8):
         mode = _best_mode(M, delta, np.full(len(M), _EIGENVALUE_TURNS))
@@ -399,7 +399,7 @@ def _restore_eigenvalue(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> 
         for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
             if kind == "real":
                 slopes[:, k] = (mode.drive[:, col] * mode.right[:, row]).sum(axis=1).imag
-            else:  # turned
+            else:  # a change of phase
                 slopes[:, k] = np.einsum(
                     "wc,wcr,wr->w", mode.drive[:, col], delta[:, col, row], mode.right[:, row]
                 ).real

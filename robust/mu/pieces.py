@@ -1,12 +1,12 @@
-"""The stretches of the axis on which a scaling that was found at one frequency proves a level, in exact arithmetic.
+"""The frequency ranges on which a scaling that was found at one frequency proves a level, in exact arithmetic.
 
-With X > 0 that commutes with the perturbations and skew K on the real blocks, mu of N stays below one where
+With X > 0 that commutes with the perturbations and skew K on the real blocks, mu of N stays below one if
 
     X_R - N~ X_L N + K N + N~ K~ > 0.
 
-A scaling of x_0 is complex. Along the axis its real part stays as it is, and its imaginary part is multiplied by
-2 x x_0/(x_0^2 + x^2), which is one at x_0 and less elsewhere, so that X stays positive and all of it is a real system
-of s: `robust.proofs.exact.bands` says where the inequality holds, with nothing in between that was only looked at.
+A scaling of x_0 is complex. Along the axis its real part is constant, and its imaginary part is multiplied by
+2 x x_0/(x_0^2 + x^2), which is one at x_0 and smaller elsewhere. So X stays positive, and everything is a real system
+in s: `robust.proofs.exact.bands` decides where the inequality holds, without a grid.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 @value(copy=False)
 class _TurningMatrix:
-    """A matrix Z of x_0 that is Re Z + t Im Z, with t = j at x_0."""
+    """A matrix Z at x_0, as Re Z + t Im Z with t = j at x_0."""
 
     re: fmpq_mat
     im: fmpq_mat
@@ -37,7 +37,7 @@ class _TurningMatrix:
         return cls(re=to_rational_matrix(Z.real), im=to_rational_matrix(Z.imag))
 
     def at(self, t: ExactMatrix) -> ExactMatrix:
-        """Return it at a t, one by one."""
+        """Return the matrix at t (1, 1)."""
         return ExactMatrix(re=self.re + self.im * t.re[0, 0], im=self.im * t.im[0, 0])
 
 
@@ -51,11 +51,11 @@ def cut_by_scaling(
     band: tuple[float, float],
     deadline: float = np.inf,
 ) -> list[Piece] | str:
-    """Return the pieces of a band between the places where the scaling of one x stops to prove a level, or begins.
+    """Return the pieces of a band between the points at which the scaling of one x begins or ends to prove a level.
 
-    found : of one frequency. units : (n_in,) what each input of H is divided by.
+    found : bound at one frequency. units : (n_in,) divisor of each input of H.
     """
-    assert found.scaling is not None  # of an upper bound
+    assert found.scaling is not None  # for an upper bound
     D_L, D_R, G = (each[:, :, 0] for each in found.scaling)
     c = _coefficients(s.left, D_L.conj().T @ D_L)
     X_L, X_R = np.tensordot(c, s.left, 1), np.tensordot(c, s.right, 1)
@@ -76,12 +76,12 @@ def cut_by_scaling(
 
 
 def _coefficients(basis: np.ndarray, Z: np.ndarray) -> np.ndarray:
-    """Return (K,) what a Hermitian matrix is made of: then both sides of a scaling are alike to the last bit."""
+    """Return (K,) the coefficients of a Hermitian matrix in a basis: both sides of a scaling then agree exactly."""
     return np.array([np.vdot(one, Z).real / np.vdot(one, one).real for one in basis])
 
 
 def _factor_of_imaginary_parts(x: fmpq, n: int) -> TransferMatrix:
-    """Return 2 x s/(x^2 - s^2), as a system of which up to n are multiplied."""
+    """Return 2 x s/(x^2 - s^2) as a system, for products of up to n of them."""
     k, none = (n + 1) // 2, fmpq_poly([0])
     den = fmpq_poly([x * x, -1]) ** (k - 1)
     return TransferMatrix(num=(((none, 2 * x * den),),), den=(den * fmpq_poly([x * x, -1]), none), order=2 * k)

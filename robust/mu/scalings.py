@@ -1,6 +1,6 @@
 """Upper bounds on the structured singular value: scalings found by Newton's method, the bound recomputed from them.
 
-For a perturbation u = Delta y of structure `blocks` and size under 1/beta, det(I - N Delta) = 0 is impossible where
+For a perturbation u = Delta y of structure `blocks` and size below 1/beta, det(I - N Delta) = 0 is impossible if
 
     N^H X_L N + j (G N - N^H G^H) < beta^2 X_R,       X > 0 commuting with Delta, G Hermitian on the real blocks.
 
@@ -21,7 +21,7 @@ from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
 _MAX_STEPS = 80
 _MAX_STEPS_REAL = 200
-#: Least number of steps, and products of numbers in all of them from where on fewer steps are made; some ten seconds.
+#: Least number of steps; number of products in all steps above which fewer steps are taken, some ten seconds.
 _LEAST_STEPS, _MOST_WORK = 1, 2e9
 _CENTRE_GAP = 1e-9
 _CENTRE_REGULARISATION = 0.1
@@ -30,7 +30,7 @@ _MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a seco
 
 @value(copy=False)
 class MuBound:
-    """A bound on the structured singular value at every frequency, with what shows it.
+    """A bound on the structured singular value at every frequency, with its evidence.
 
     Fields
     ------
@@ -39,7 +39,7 @@ class MuBound:
     scaling : (D_L, D_R, G) or None
         For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W); G of D_L N D_R^-1.
     delta : (n_in, n_out, W) ndarray or None
-        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan where none was found.
+        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan if none was found.
 
     References
     ----------
@@ -60,22 +60,23 @@ class MuBound:
 
 
 def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
-    """Return an upper bound of mu, the structured singular value: a perturbation below 1 over it leaves a loop stable.
+    """Return an upper bound of mu, the structured singular value: with perturbations below 1/value the loop is stable.
 
+    Use this at given frequencies. `certify` proves a level at all frequencies, `bounds` gives both bounds.
     Parameters
     ----------
     N : (n_out, n_in, W) ndarray
         Complex response that the perturbation closes; one matrix is N[:, :, None].
     blocks : list
-        (rows, cols) a full complex block, (n, n, "repeated") a complex number times the identity, (n, n, "real") a real
-        one; rows and cols as N is cut: the outputs of N it reads, the inputs of N it drives.
+        (rows, cols) for a full complex block, (n, n, "repeated") for a complex number times the identity, (n, n,
+        "real") for a real one. Rows and cols are the outputs of N that the block reads, and the inputs that it drives.
 
     Returns
     -------
     MuBound
-        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real blocks: the root of the
-        largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R, rounding added). A bound whatever the
-        scaling is. For up to three full blocks it is mu itself.
+        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real blocks: root of the
+        largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R, plus rounding). It is a bound for any
+        scaling. For up to three full blocks it is mu itself.
 
     Raises
     ------
@@ -99,15 +100,15 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 
 
 def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBound:
-    """Return the bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
+    """Return the bound on (W, n_out, n_in) matrices; with a target from the scalings with most slack below it."""
     s = structure_for("blocks", blocks, M.shape[1:])
-    size = np.abs(M).max(axis=(1, 2))  # of numbers that can still be squared
+    size = np.abs(M).max(axis=(1, 2))  # the squares of the scaled numbers do not overflow
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
     D_L, D_R, G = optimal_scalings(M, s, target=target / scale)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
     best = bound_from_scalings(M, D_L, D_R, G)
-    best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
+    best = np.where(best * scale < target, 0.0, best)  # good enough: no other scaling is tried
     for others in ((D_L, D_R, 0 * G), (one_L, one_R, 0 * G)):
         other = bound_from_scalings(M, *others)
         D_L, D_R, G = (
@@ -120,7 +121,7 @@ def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBoun
 
 
 def response_matrices(name: str, N: object) -> np.ndarray:
-    """Return (W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
+    """Return (W, n_out, n_in) from (n_out, n_in, W), or refuse the array."""
     if isinstance(N, control.lti.LTI):
         raise ValueError(
             f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
@@ -139,7 +140,7 @@ def response_matrices(name: str, N: object) -> np.ndarray:
 
 
 def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) the bound that these scalings prove; inf where they are not fit to prove any."""
+    """Return (W,) the bound that these scalings prove; inf if they prove none."""
     with np.errstate(all="ignore"):
         scaled = D_L @ N @ np.linalg.inv(D_R)
         fine = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(G).all(axis=(1, 2))
@@ -156,7 +157,7 @@ def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.n
 
 
 def conjugate_transpose(M: np.ndarray) -> np.ndarray:
-    """Conjugate transpose of every matrix."""
+    """Return the conjugate transpose of every matrix."""
     return M.conj().swapaxes(-1, -2)
 
 
@@ -166,11 +167,11 @@ def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.
         [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
     )
     sizes = sizes**2 * (1 - np.eye(len(s.rows)))
-    floor = 1e-40 * (sizes.sum(axis=(1, 2)) + 1e-200)  # a block that nothing leads to, or from
+    floor = 1e-40 * (sizes.sum(axis=(1, 2)) + 1e-200)  # for a block without coupling to the others
     d2 = np.ones((N.shape[0], len(s.rows)))
     for _ in range(n_steps):
         for i in range(len(s.rows)):
-            row = (sizes[:, i] / d2).sum(axis=1) + floor  # over the columns k, d_i apart
+            row = (sizes[:, i] / d2).sum(axis=1) + floor  # over the columns k, without d_i
             column = (sizes[:, :, i] * d2).sum(axis=1) + floor
             d2[:, i] = np.sqrt(column / row)
         d2 /= d2[:, -1:]
@@ -180,11 +181,11 @@ def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.
 def optimal_scalings(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
+    """Return D_L, D_R and G (W, ., .) with the least bound: Osborne's balance, then the method of centres.
 
-    With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room. Many
-    scalings on many frequencies are found a few frequencies at a time, where they are very many in fewer steps. Blocks
-    that no loop joins have no centre together, and are scaled each on its own.
+    With a target that can be reached, the centre of the scalings that prove it: those with the largest slack. Many
+    scalings on many frequencies are computed for a few frequencies at a time, and very many in fewer steps. Blocks
+    without a loop through both have no common centre, and are scaled separately.
     """
     label, depth = _separate_loops(N, s)
     if label.max() > 0:
@@ -199,12 +200,12 @@ def optimal_scalings(
     return D_L, D_R, G
 
 
-#: By how much less what couples two blocks one way counts than what is in them, and the largest ratio of the two.
+#: Factor by which a one-way coupling of two blocks counts less than their own entries, and largest ratio of the two.
 _ONE_WAY, _MAX_COUPLING = 1e4, 1e16
 
 
 def _separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """Return (K,) which loop each block belongs to, and how many of them come before it."""
+    """Return (K,) the loop of each block, and the number of loops before it."""
     acts = np.array([[bool(N[:, row, col].any()) for col in s.cols] for row in s.rows]) | np.eye(
         len(s.rows), dtype=bool
     )
@@ -217,7 +218,7 @@ def _separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.nd
 def _scalings_of_loops(
     N: np.ndarray, s: BlockStructure, *, label: np.ndarray, depth: np.ndarray, target: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return `optimal_scalings` of loops that act on one another one way at most."""
+    """Return `optimal_scalings` for loops with at most one-way coupling."""
     W, (n_out, n_in) = len(N), s.shape
     D_L, D_R, G = (np.zeros((W, *shape), complex) for shape in ((n_out, n_out), (n_in, n_in), (n_in, n_out)))
     for k in range(label.max() + 1):
@@ -226,7 +227,7 @@ def _scalings_of_loops(
         sizes = [(s.rows[i].stop - s.rows[i].start, s.cols[i].stop - s.cols[i].start, s.kinds[i]) for i in own]
         inside = N[:, rows[:, None], cols]
         found = optimal_scalings(inside, block_structure("blocks", sizes), target=target)
-        # what couples the loops has to vanish next to what is in them, whatever units it is in
+        # the coupling of the loops must vanish relative to their own entries, in any units
         least = np.min(np.abs(inside).max(axis=(1, 2)), initial=np.inf, where=np.abs(inside).max(axis=(1, 2)) > 0)
         coupling = max(1.0, float(np.abs(N).max() / least)) if np.isfinite(least) else 1.0
         unit = (_ONE_WAY * min(coupling, _MAX_COUPLING)) ** -float(depth[own[0]])
@@ -238,7 +239,7 @@ def _scalings_of_loops(
 def _method_of_centres(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray, n_steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return D_L, D_R, G of least bound, all frequencies at once; below `target` (W,), squared, that of most room."""
+    """Return D_L, D_R, G with the least bound, for all frequencies; below `target` (W,), squared, with most slack."""
     W = N.shape[0]
     d = _osborne_balance(N, s)
     D_L, D_R = (
@@ -258,7 +259,7 @@ def _method_of_centres(
         better = (bound < best[todo]) | (alpha == goal)
         at = todo[better]
         D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
-        # far from the centre alpha waits; near it, it goes down towards the bound reached
+        # far from the centre alpha is constant; near it, it decreases towards the bound reached
         gap = alpha - bound
         done = lost | (gap <= _CENTRE_GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
@@ -270,12 +271,12 @@ def _method_of_centres(
 
 
 def _top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) largest eigenvalue of `scaled_square`."""
+    """Return (W,) the largest eigenvalue of `scaled_square`."""
     return np.linalg.eigvalsh(scaled_square(M, G))[:, -1]
 
 
 def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """M^H M + j (G M - M^H G^H) of every matrix, G on the first inputs and outputs."""
+    """Return M^H M + j (G M - M^H G^H) of every matrix, G on the first inputs and outputs."""
     square, (cols, rows) = conjugate_transpose(M) @ M, G.shape[1:]
     if G.any():
         skew = np.zeros_like(square)
@@ -287,7 +288,7 @@ def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 def _newton_step_to_centre(
     M: np.ndarray, L: np.ndarray, *, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, ...]:
-    """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
+    """Take one Newton step from X = I to the centre of the scalings that prove alpha; return if it was near, or lost.
 
     The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace; the barrier is self-concordant,
     so a step damped by its decrement stays inside.
@@ -311,7 +312,7 @@ def _newton_step_to_centre(
     gradient = -np.einsum("wkii->wk", P).real
     gradient[:, :K] -= trace
     size = H.shape[1]
-    # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
+    # a penalty on G, which the barrier alone may let diverge; it is weaker closer to the bound
     spring = _CENTRE_REGULARISATION * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
     gradient[:, K:] += spring[:, None] * (G.reshape(W, n * M.shape[1]) @ G_rows.conj().T).real
     H[:, K:, K:] += spring[:, None, None] * (G_rows.conj() @ G_rows.T).real
@@ -328,7 +329,7 @@ def _newton_step_to_centre(
     near = decrement < 0.5
     step = step * np.where(near, 1.0, 1 / (1 + decrement))[:, None]
     if s.scalar and not s.skew.size:
-        # every X is diagonal: roots and quotients do
+        # every X is diagonal: roots and quotients suffice
         left, right = (1 + step @ np.einsum("kii->ki", basis).real for basis in (s.left, s.right))
         lost = ~(np.minimum(left.min(axis=1), right.min(axis=1)) > 1e-9)
         left, right = (np.sqrt(np.where(lost[:, None], 1.0, x))[:, :, None] for x in (left, right))
@@ -336,7 +337,7 @@ def _newton_step_to_centre(
     X_L = np.eye(M.shape[1]) + np.tensordot(step[:, :K], s.left, 1)
     X_R = np.eye(n) + np.tensordot(step[:, :K], s.right, 1)
     least = np.minimum(np.linalg.eigvalsh(X_L)[:, 0], np.linalg.eigvalsh(X_R)[:, 0])
-    lost = ~(least > 1e-9)  # rounding has taken over: stay
+    lost = ~(least > 1e-9)  # rounding dominates: do not move
     X_L[lost], X_R[lost] = np.eye(M.shape[1]), np.eye(n)
     if s.skew.size:
         G = G + np.where(lost[:, None, None], 0, np.tensordot(step[:, K:], s.skew, 1))
@@ -358,14 +359,14 @@ _N_REFINEMENTS = 4
 
 
 def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> np.ndarray:
-    """Return (W,) upper bound at omega."""
+    """Return (W,) the upper bound at omega."""
     return upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks).value
 
 
 def refine_grid(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies with more of them around the peak, and the bound there."""
+    """Return frequencies with additional ones around the peak, and the bound at them."""
     mu = mu_bound_at(N, blocks, omega=omega)
-    for _ in range(_N_REFINEMENTS):  # around the largest, five times closer each time
+    for _ in range(_N_REFINEMENTS):  # around the largest value, five times closer each time
         k = int(mu.argmax())
         low = omega[k - 1] if k > 1 else omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]

@@ -1,9 +1,9 @@
 """The worst gain over a set at all frequencies: bounded by scalings, each proved where it holds (SP 8.10.3).
 
-The gain stays below gamma where mu of the blocks and a full one for the performance does, its inputs over gamma.
-A scaling is taken where nothing is proved yet, and exact arithmetic says on which stretches of the axis it holds
-(`robust.mu.pieces`). What is left is covered by others, from where they are best; where no scaling proves
-gamma, the bound there is the next gamma.
+The gain stays below gamma if mu of the blocks and a full one for the performance, with its inputs over gamma, stays
+below one. A scaling is computed where nothing is proved yet, and exact arithmetic gives the ranges of the axis on which
+it holds (`robust.mu.pieces`). The remaining ranges are covered by other scalings, each from a frequency inside. If no
+scaling proves gamma at a frequency, the bound there is the next gamma.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robust.proofs.exact.polynomials import polynomial_roots
 from robust.proofs.search.bands import TIME_CAP, GainBound
 
 _TOLERANCE = 1e-3  # between the bound at all frequencies and the largest at one
-_N_STARTS = 12  # frequencies at which a first level is found, most of them at poles
+_N_STARTS = 12  # frequencies for a first level, most of them at poles
 
 
 def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = TIME_CAP) -> GainBound:
@@ -34,12 +34,12 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
     Returns
     -------
     GainBound
-        upper : proved at every frequency. lower : the least that scalings prove at omega, where that is largest: the
-        worst gain itself up to three blocks, performance among them. Both are inf where a plant may be unstable.
+        upper : proved at every frequency. lower : the least gain that scalings prove at omega, where it is largest: the
+        worst gain itself for up to three blocks, with that of performance. Both are inf if a plant may be unstable.
 
     Examples
     --------
-    S of L = 1/s with an input that is 50 % wrong, at any phase: omega/(|1 + j omega| - 0.5) is 2/sqrt(3) at worst.
+    S of L = 1/s with an input error of 50 % at any phase: the worst of omega/(|1 + j omega| - 0.5) is 2/sqrt(3).
 
     >>> N = control.ss([[-1.0]], [[1.0, 1.0]], [[-0.5], [-1.0]], [[0.0, 0.5], [0.0, 1.0]])
     >>> found = bound_set_gain(N, [(1, 1)])
@@ -67,7 +67,7 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
             rest = [piece for piece in pieces if not piece.M.is_positive]
             todo += [(piece.low, piece.high, to_float(piece.x)) for piece in rest]
             proved = not any(piece.low <= x <= piece.high for piece in rest)
-        if not proved:  # no scaling does here, or it does so by less than rounding
+        if not proved:  # no scaling proves it here, or only by less than rounding
             todo += [(low, high, x)] * (not found.value[0] < 1)
             gain = float(gain_bound(M.transpose(1, 2, 0), blocks)[0])
             lower, peak = (gain, here) if gain > lower else (lower, peak)
@@ -76,7 +76,7 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
 
 
 def _starting_points(H: TransferMatrix, dt: float) -> np.ndarray:
-    """Return frequencies [rad/s] of poles, the lightest first, for a first level."""
+    """Return frequencies [rad/s] of poles, the most lightly damped first, for a first level."""
     s = polynomial_roots(H.characteristic)
     s = s[np.argsort(np.abs(s.real) / np.abs(s))][:_N_STARTS]
     return np.array([frequency_of_point(float(x), dt) for x in np.unique(np.abs(s))] or [1.0])

@@ -1,13 +1,13 @@
-"""How large some blocks of a perturbation may be: skewed mu at all frequencies, between a proof and a counter-example.
+"""The largest size of some blocks of a perturbation: skewed mu at all frequencies, from a proof and a counter-example.
 
-With t on the blocks that grow and the others at most one, the largest t for which mu stays below one at every frequency
-is 1/mu where all blocks grow, 1/(the worst gain) where the performance grows alone, and the robust margin of a gain
-where all but the performance grow (Fan & Tits 1992; SP 8.10.3).
+The growing blocks have size t, the others at most one. The largest t for which mu stays below one at every frequency is
+1/mu if all blocks grow, 1/(the worst gain) if only the performance grows, and the robust margin of a gain if all but
+the performance grow (Fan & Tits 1992; SP 8.10.3).
 
-What breaks is a perturbation that takes a pole to the boundary (`robust.mu.crossings`). Upper bounds of mu with real
-blocks may be far above it. Cut into smaller boxes both meet: around its own middle a small box is nearly a point. A
-level is proved box by box (each a certificate at all frequencies), or a box turns up with a pole beyond the stability
-boundary (Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997).
+The counter-example is a perturbation that takes a pole to the boundary (`robust.mu.crossings`). Upper bounds of mu with
+real blocks may be far above it. On smaller boxes both meet, because a small box around its own middle is nearly a
+point. A level is proved box by box (each with a certificate at all frequencies), or a box has a pole beyond the
+stability boundary (Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997).
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from robust.mu.scalings import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-_MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
-_N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
-_BOUND_LIMIT = 0.999  # what the bound there has to stay below
-_MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
-MOST_BOXES, _BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
-_FEW_BOXES = 40  # parts of the box that are looked at in some ten seconds
-_BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
-_LEVEL_ACCURACY = 1e-3  # to which the level is found that the bound leaves on the test frequencies
-#: Of that level, or of what breaks, what is tried to be proved of the whole box: a peak may have been missed.
+_MAX_FACTOR = 1e6  # largest factor of the search
+_N_TEST_FREQUENCIES = 32  # frequencies of the test before a proof of a box
+_BOUND_LIMIT = 0.999  # largest bound at them
+_MIN_BOX_WIDTH = 1e-3  # of the whole box: narrower boxes are not cut
+MOST_BOXES, _BOX_INTERVALS = 150, 500  # largest number of parts of the box, and of frequency intervals for each
+_FEW_BOXES = 40  # parts of the box in some ten seconds
+_BOX_WORK = 100_000  # products in a step for the scalings of a part that counts once
+_LEVEL_ACCURACY = 1e-3  # relative accuracy of the level at which the bound on the test frequencies is one
+#: Shares of that level, or of the counter-example, that are tried for the whole box: a peak may have been missed.
 _WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
 
 
 @value(copy=False)
 class SkewedMargin:
-    """A loop, what breaks it, and the boxes that were proved at a level.
+    """A loop, its counter-example, and the boxes that are proved at a level.
 
     Fields
     ------
@@ -51,21 +51,22 @@ class SkewedMargin:
     blocks : list
     s : BlockStructure
     growing : (K,) bool ndarray
-        Blocks whose size is looked for.
+        Blocks whose size is searched.
     n_unstable : int
-        Unstable poles of N.
+        Number of unstable poles of N.
     left : int
-        How many parts of the box may be looked at.
+        Number of parts of the box that may still be examined.
     level : float
-        Size of the blocks that grow, proved of the boxes; 0: nothing is.
+        Size of the growing blocks that is proved for the boxes; 0 if none is.
     broken, delta, omega : float, (n_in, n_out) ndarray, float
-        Least size found at which a perturbation, that one, breaks the loop (inf: none), and where [rad/s].
+        Least size found at which a perturbation makes the loop unstable (inf: none), the perturbation, and where
+        [rad/s].
     boxes : list of (middle, half) of (K,) ndarray
-        Boxes to look at, or those that were proved; complex blocks stay whole.
+        Boxes to examine, or proved boxes; complex blocks stay whole.
     certificates : tuple
-        Of the latter.
+        Certificates of the proved boxes.
     reason : str
-        Why level and broken are not closer: empty where they are as close as was asked.
+        Reason why level and broken are not closer; empty if they are within the gap.
     """
 
     N: control.StateSpace
@@ -89,7 +90,7 @@ class SkewedMargin:
 
     @property
     def real(self) -> np.ndarray:
-        """(r,) which blocks are real."""
+        """(r,) indices of the real blocks."""
         return np.flatnonzero([kind == "real" for kind in self.s.kinds])
 
 
@@ -101,10 +102,9 @@ def skewed_margin(
     gap: float,
     max_boxes: int = _FEW_BOXES,
 ) -> SkewedMargin:
-    """Return how large the blocks that grow may be, all when not given, to a relative gap where that is found.
+    """Return the largest size of the growing blocks (by default all), to a relative gap if it can be reached.
 
-    The poles of N are on neither side of the question where all blocks are at most one: no perturbation below the level
-    takes a pole to the stability boundary.
+    N may have unstable poles. The claim is that no perturbation below the level takes a pole to the stability boundary.
     """
     s, nominal = block_structure("blocks", blocks), decide_stability(N)
     K = len(s.kinds)
@@ -131,15 +131,15 @@ def skewed_margin(
 
 
 def scaled_system(search: SkewedMargin, level: float) -> control.StateSpace:
-    """Return the system with the blocks that grow at a level."""
+    """Return the system with the growing blocks at a level."""
     N, size = search.N, search.sizes(level)[:, None]
     return control.StateSpace(N.A, N.B, size * N.C, size * N.D, N.dt)
 
 
 def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
-    """Return frequencies around the peak, and the level at which the bound is one there: 0 where there is none."""
+    """Return frequencies around the peak, and the level at which the bound there is one; 0 if there is none."""
     omega = structure_grid(search.N)
-    omega = omega[:: max(1, omega.size // _N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
+    omega = omega[:: max(1, omega.size // _N_TEST_FREQUENCIES)]  # a first guess: proof or counter-example come later
     if search.growing.all():
         omega, mu = refine_grid(search.N, search.blocks, omega=omega)
         return omega[np.sort(np.argsort(-mu)[:4])], 1 / max(float(mu.max()), 1 / _MAX_FACTOR)
@@ -148,7 +148,7 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
     def bound(level: float) -> np.ndarray:
         return upper_bound(search.sizes(level)[:, None] * M, search.blocks, target=1.0).value
 
-    # the level changes the bound by no more than its own factor: a step up by it stays below one
+    # the level changes the bound by at most its own factor: after a step up by that factor it stays below one
     size = np.linalg.norm(M, axis=(1, 2)).max()
     low, high = 0.0, np.inf
     level = 1 / max(size, 1e-300)
@@ -168,12 +168,12 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
 
 
 def _find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> SkewedMargin:
-    """Return the search with the smallest perturbation that was found to break the loop."""
+    """Return the search with the smallest perturbation found that makes the loop unstable."""
     size = 1 / max(np.linalg.norm(response_by_channel(search.N, omega), axis=(0, 1)).max(), 1e-300)
     level = start or size
     M = np.moveaxis(response_by_channel(scaled_system(search, level), omega), 2, 0)
     found = search_perturbation(M, search.s, n_starts=2, rng=np.random.default_rng(0))
-    assert found.delta is not None  # of a lower bound
+    assert found.delta is not None  # for a lower bound
     units = np.nan_to_num(np.moveaxis(found.delta, 2, 0) * found.value[:, None, None])
     crossing = find_crossing(
         search.N, search.s, least=1e-3 * level, limit=100 * level, growing=search.growing, seeds=units
@@ -188,7 +188,7 @@ def _find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> Skewe
 
 
 def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
-    """Return the search with a level proved, as near to what breaks the loop as parts of the box allow."""
+    """Return the search with a proved level, as close to the counter-example as the parts of the box allow."""
     kept = search
     for share in _WHOLE_SHARES:
         level = share * min(start, search.broken, _MAX_FACTOR)
@@ -201,9 +201,7 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
             kept = replace(search, level=level, certificates=(proof,))
             break
     low, top = kept.level, np.inf
-    reason = (
-        "the bound by scalings is not closer, and there are no real blocks to be cut" if not search.real.size else ""
-    )
+    reason = "the bound by scalings is not closer, and there are no real blocks to cut" if not search.real.size else ""
     while search.broken > low * (1 + gap) and low < _MAX_FACTOR and not reason:
         level = _next_level(low, min(search.broken, top), gap)
         tried = _prove_level(replace(search, level=level, left=(search.left + 1) // 2))
@@ -220,7 +218,7 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
 
 
 def _next_level(low: float, broken: float, gap: float) -> float:
-    """Return the level to be proved next: all that the gap leaves where that is near, else between what is known."""
+    """Return the level to prove next: the last one before the gap if it is close, else one between the bounds."""
     near = min(broken, _MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
         return min(2 * low, _MAX_FACTOR) if low else 1.0
@@ -228,11 +226,11 @@ def _next_level(low: float, broken: float, gap: float) -> float:
 
 
 def _prove_level(search: SkewedMargin) -> SkewedMargin:
-    """Return the level proved on every part of the box; or broken below it, or the reason why it stays open."""
+    """Return the level proved on every part of the box; or a smaller counter-example; or the reason why it is open."""
     waiting, proved, proofs = list(search.boxes), [], []
     while waiting:
         if not search.left:
-            return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are looked at")
+            return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are examined")
         search, box = replace(search, left=max(search.left - _box_cost(search.s), 0)), waiting.pop()
         N = _box_system(search, box)
         if N is not None and _has_poles_of_nominal(search, N):
@@ -249,18 +247,18 @@ def _prove_level(search: SkewedMargin) -> SkewedMargin:
             return replace(found, reason="broken")
         parts = _split_box(search, box, peak_at)
         if not parts:
-            return replace(search, reason="a part of the box is too thin to be cut, and open")
+            return replace(search, reason="a part of the box is open and too thin to cut")
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
 
 
 def _box_cost(s: BlockStructure) -> int:
-    """Return as how many parts of the box one counts, where its scalings are very many."""
+    """Return the number of parts for which one part counts if it has very many scalings."""
     return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // _BOX_WORK)
 
 
 def _box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
-    """Return what perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
+    """Return the system that perturbations of size one close on a part of the box: Delta = middle + half delta."""
     s, (middle, half) = search.s, box
     N = scaled_system(search, search.level)
     C, H = _place_parameters(s, middle).real, np.repeat(half, [col.stop - col.start for col in s.cols])
@@ -280,7 +278,7 @@ def _has_poles_of_nominal(search: SkewedMargin, N: control.StateSpace) -> bool:
 
 
 def _prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate | None, float]:
-    """The proof that mu of a part stays below one, where a few frequencies do not contradict it; and where it peaks."""
+    """Return a proof that mu of a part stays below one, unless test frequencies contradict it; and the peak there."""
     omega = structure_grid(N)
     omega = omega[np.linspace(0, omega.size - 1, _N_TEST_FREQUENCIES).astype(int)]
     if np.isfinite(search.omega):
@@ -294,7 +292,7 @@ def _prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate
 
 
 def _try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]) -> SkewedMargin:
-    """With a perturbation of a part of the box that breaks the loop, if it is smaller than the one known."""
+    """Return the search with a counter-example from a part of the box, if it is smaller than the known one."""
     found = find_crossing(N, search.s, least=1e-3, limit=1.0)
     if found is None:
         return search
@@ -303,9 +301,9 @@ def _try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray,
 
 
 def _try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
-    """With the smallest size at which this perturbation breaks the loop, if it is smaller than the one known.
+    """Return the search with the smallest size at which this perturbation makes the loop unstable, if it is smaller.
 
-    It has size one: the blocks that grow are as large as that times the level, at which it breaks the loop.
+    The perturbation has size one: it makes the loop unstable with the growing blocks at the level.
     """
     loop = PerturbedLoop.of(search.N, search.s, search.growing)
     high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if loop.excess(E[None], t * search.level)[0] > 0), None)
@@ -339,7 +337,7 @@ def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 def _split_box(
     search: SkewedMargin, box: tuple[np.ndarray, np.ndarray], omega: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
+    """Return the part cut in two across the parameter that lowers the bound at its peak most; none if it is thin."""
     middle, half = box
     found: list[list[tuple[np.ndarray, np.ndarray]]] = []
     for k in search.real:
@@ -348,7 +346,7 @@ def _split_box(
             found.append([(middle - move, half - move), (middle + move, half - move)])
     if not found:
         return []
-    worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # the widest, where nothing else is known
+    worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # by default the widest
     cut = [_box_system(search, part) for parts in found for part in parts]
     if np.isfinite(omega) and all(N is not None for N in cut):
         responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
