@@ -1,8 +1,8 @@
-"""What every module of this package uses.
+"""Definitions that every module of this package uses.
 
-channels  whether a measured FRF is of one input and one output, or a matrix
+channels  tests for a measured FRF of one input and one output, or a matrix
 options   options that several commands share
-states    what was decided, as enums: stable or not, holds or is violated, the verdicts
-types     types that signatures say often
+states    decisions as enums: stable or not, holds or is violated, the verdicts
+types     types that many signatures use
 warnings  a result that is usable but suspicious
 """

@@ -1,4 +1,4 @@
-"""Whether a measured FRF is of one input and one output, or a matrix of several."""
+"""Tests for a measured FRF of one input and one output, or a matrix of FRFs."""
 
 from __future__ import annotations
 
@@ -13,34 +13,32 @@ _HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its
 
 
 def is_single(thing: object) -> TypeGuard[Bla]:
-    """Return whether it is a `Bla` of one input and one output."""
+    """Return whether a value is a `Bla` with one input and one output."""
     return isinstance(thing, Bla) and thing.is_single
 
 
 def is_matrix(thing: object) -> TypeGuard[Bla]:
-    """Return whether it is a `Bla` of several inputs or outputs."""
+    """Return whether a value is a `Bla` with several inputs or outputs."""
     return isinstance(thing, Bla) and not thing.is_single
 
 
 def is_known_on_lines(plant: object) -> bool:
-    """Return whether a plant is an FRF, or a set around one: known at its frequencies only."""
+    """Return whether a plant is known at its frequencies only: an FRF, or a set around one."""
     return isinstance(plant, Bla | control.FrequencyResponseData) or bool(getattr(plant, "measured_only", False))
 
 
 def require_matrix(name: str, thing: object) -> None:
-    """Refuse anything but a `Bla` of several inputs or outputs."""
     if not is_matrix(thing):
         raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {_describe_channels(thing)}")
 
 
 def require_single(name: str, thing: object) -> None:
-    """Refuse anything but a `Bla` of one input and one output."""
     if not is_single(thing):
         raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {_describe_channels(thing)}")
 
 
 def _describe_channels(thing: object) -> str:
-    """Return a value in a refusal: of a `Bla` how many channels it has."""
+    """Describe a value for a message; for a `Bla` by its number of channels."""
     if not isinstance(thing, Bla):
         return short_form(thing) + _HINT_FOR_FRF * hasattr(thing, "frdata")
     return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"

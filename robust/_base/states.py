@@ -1,4 +1,4 @@
-"""States of a decision as enums. Code branches on these; words are made of them where something is printed.
+"""States of a decision as enums. Code branches on these; texts are made from them where they are printed.
 
 A sentence is for people: it may be reworded at any time, and no verdict may change with it.
 """
@@ -9,14 +9,14 @@ from enum import StrEnum
 
 
 class State(StrEnum):
-    """An enum whose members are also their text: equal to it, and shown, printed and written to files as it."""
+    """An enum whose members equal their text, and are shown, printed and written to files as that text."""
 
     def __repr__(self) -> str:
         return repr(self.value)
 
 
 class Stability(State):
-    """Whether every pole of a system is strictly stable."""
+    """Stability of a system: every pole is strictly stable, or not, or undecided."""
 
     STABLE = "stable"
     UNSTABLE = "unstable"
@@ -24,7 +24,7 @@ class Stability(State):
 
 
 class Outcome(State):
-    """Whether a statement was proved, disproved, or neither."""
+    """Result for a statement: proved, disproved, or neither."""
 
     HOLDS = "holds"
     VIOLATED = "violated"
@@ -32,7 +32,7 @@ class Outcome(State):
 
 
 class Demand(State):
-    """Whether every plant of a set meets the performance demand."""
+    """Result for the performance demand on every plant of a set."""
 
     MET = "met"
     NOT_MET = "not met"
@@ -40,7 +40,7 @@ class Demand(State):
 
 
 class Verdict(State):
-    """What a check found of a controller and a set of plants.
+    """Result of a check of a controller with a set of plants.
 
     >>> Verdict.ROBUST == "robust", f"{Verdict.NOT_ROBUST}".upper(), Verdict("not certified")
     (True, 'NOT ROBUST', 'not certified')
@@ -53,12 +53,12 @@ class Verdict(State):
 
     @property
     def is_robust(self) -> bool:
-        """Return whether something was established for the whole set, surely or at its confidence."""
+        """True if a property of the whole set is established, surely or at its confidence."""
         return self in (Verdict.ROBUST, Verdict.STATISTICALLY_ROBUST)
 
 
 class FrictionVerdict(State):
-    """What a proof found of a loop and a class of friction."""
+    """Result of a proof for a loop with a class of friction."""
 
     PROVED = "proved"
     PROVED_LOCALLY = "proved up to a kick"
@@ -68,5 +68,5 @@ class FrictionVerdict(State):
 
     @property
     def is_proved(self) -> bool:
-        """Return whether the loop comes to rest, from every state or up to a kick."""
+        """True if the loop comes to rest, from every state or up to a kick."""
         return self in (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY)

@@ -1,4 +1,4 @@
-"""Types that signatures of this package say often, under one name each; as texts, so that nothing is loaded."""
+"""Types that many signatures of this package use, under one name each; as texts, so that nothing is imported."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 #: A linear system by its matrices or its polynomials.
 LinearSystem: TypeAlias = "control.StateSpace | control.TransferFunction"
-#: The same, or an FRF: what has a response at frequencies.
+#: A linear system, or an FRF: anything with a response at frequencies.
 AnySystem: TypeAlias = "LinearSystem | control.FrequencyResponseData"
-#: A controller as a user gives it: a number, or a matrix of them, is a constant gain.
+#: A controller from a user: a number, or a matrix of numbers, is a constant gain.
 Controller: TypeAlias = "LinearSystem | float | np.ndarray"
-#: A weight on a signal or a channel, as a user gives it.
+#: A weight from a user, on a signal or a channel.
 Weight: TypeAlias = "LinearSystem | float | np.ndarray"
-#: Type of a field that takes a `Weight`, None, or plants as a user gives them, and holds a state space, None, or a
-#: tuple of plants: a dataclass can declare one only.
+#: Type of a field that takes a `Weight`, None, or plants from a user, and holds a state space, None, or a tuple of
+#: plants: a dataclass can declare one type only.
 SystemField: TypeAlias = Any
-#: Rows and columns of each block of a perturbation, and its kind where it is not full.
+#: Rows and columns of each block of a perturbation, and its kind unless it is full.
 Blocks: TypeAlias = "Sequence[tuple[int, int] | tuple[int, int, str]]"

@@ -1,4 +1,4 @@
-"""What is warned of where a model or a design is usable but suspicious."""
+"""The warning for a model or a design that is usable but suspicious."""
 
 from __future__ import annotations
 

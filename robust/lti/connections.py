@@ -1,4 +1,4 @@
-"""Systems joined: in series, in parallel, in a loop of their own."""
+"""Connections of systems: in series, in parallel, in a loop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robust.lti.lti import Matrices, is_constant
 
 
 def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
-    """First system first: the output of each drives the next; all states are kept."""
+    """Return the series connection, first system first: the output of each drives the next; all states are kept."""
     total = systems[0]
     for system in systems[1:]:
         nt, ns = total.nstates, system.nstates
@@ -25,32 +25,32 @@ def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.
 
 
 def in_parallel(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
-    """F + G."""
+    """Return F + G."""
     n, m = F.nstates, G.nstates
     A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])
     return control.StateSpace(A, np.vstack([F.B, G.B]), np.hstack([F.C, G.C]), F.D + G.D, F.dt)
 
 
 def one_plus(X: control.StateSpace) -> control.StateSpace:
-    """1 + X."""
+    """Return 1 + X."""
     return control.StateSpace(X.A, X.B, X.C, X.D + 1, X.dt)
 
 
 def biproper_inverse(X: control.StateSpace) -> control.StateSpace:
-    """1 / X for a biproper X."""
+    """Return 1 / X for a biproper X."""
     d = X.D[0, 0]
     return control.StateSpace(X.A - X.B @ X.C / d, X.B / d, -X.C / d, [[1 / d]], X.dt)
 
 
 def inverse_system(X: control.StateSpace) -> control.StateSpace:
-    """Return `biproper_inverse` of what a plant is divided by, or a refusal."""
+    """Return `biproper_inverse` of a divisor of a plant, or refuse it."""
     if abs(X.D[0, 0]) < 1e-9:
         raise ValueError("form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite frequency")
     return biproper_inverse(X)
 
 
 def feedback(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
-    """G / (1 + X G): y = G (u - X y), where the two direct terms close a loop of their own."""
+    """Return G / (1 + X G): y = G (u - X y), with the algebraic loop of the direct terms solved."""
     k = 1 / (1 + G.D[0, 0] * X.D[0, 0])
     A = np.block(
         [
@@ -79,12 +79,12 @@ _OUTPUTS = ("u", "y", "e")
 def closed_loop(
     G: control.StateSpace, K: control.StateSpace, outputs: tuple[str, ...], inputs: tuple[str, ...]
 ) -> Matrices:
-    """State space from the named inputs to the named outputs of the loop drawn above, every one a vector.
+    """Return the state space from the named inputs to the named outputs of the loop drawn above; each is a vector.
 
     Raises
     ------
     ValueError
-        A controller of another shape; a loop without a solution: direct terms with 1 + D_K D_G singular.
+        A controller of another shape, or a loop without a solution: direct terms with 1 + D_K D_G singular.
     """
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
@@ -95,7 +95,7 @@ def closed_loop(
     k = np.linalg.inv(return_difference)
     n, m = G.nstates, K.nstates
     one, none = np.eye(n_y), np.zeros((n_y, n_y))
-    # u = k (Ck xk + Dk (r - C x - D p_in - p_out)), everything else follows from u
+    # u = k (Ck xk + Dk (r - C x - D p_in - p_out)), and everything else follows from u
     u_x, u_w = np.hstack([-k @ Dk @ G.C, k @ K.C]), k @ Dk @ np.hstack([-D, -one, one])
     y_x, y_w = D @ u_x + np.hstack([G.C, np.zeros((n_y, m))]), D @ u_w + np.hstack([D, one, none])
     e_x, e_w = -y_x, np.hstack([np.zeros((n_y, n_u)), none, one]) - y_w
@@ -111,7 +111,7 @@ def closed_loop(
 
 
 def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
-    """Check that a controller fits a plant of n_y outputs and n_u inputs."""
+    """Refuse a controller that does not fit a plant with n_y outputs and n_u inputs."""
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
             f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
@@ -120,7 +120,7 @@ def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
 
 
 def _channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
-    """Places of the channels of the ports that are wanted, in a vector of them all."""
+    """Return the places of the channels of the wanted ports in a vector of all channels."""
     first = np.cumsum([0, *sizes])
     return np.concatenate([np.arange(first[k], first[k + 1]) for k in map(names.index, wanted)])
 
@@ -128,9 +128,10 @@ def _channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tup
 def weighted_plant(
     P: control.StateSpace, n_y: int, *, n_u: int, weights: list[tuple[str, control.StateSpace]], reference: bool = True
 ) -> control.StateSpace:
-    """From (d, r, u) to (z, what each weight makes of "e", "u" or "y", e), of a plant P from (d, u) to (z, y).
+    """Return the system from (d, r, u) to (z, outputs of the weights on "e", "u" or "y", e).
 
-    A plant of its own has no d and no z. e = r - y is what a controller u = K e takes; without reference r is left out.
+    The plant P is from (d, u) to (z, y); one without d and z is allowed. e = r - y is the input of a controller
+    u = K e; without `reference` r is left out.
     """
     n_d, n_z = P.ninputs - n_u, P.noutputs - n_y
     r = np.eye(n_y)[:, : n_y if reference else 0]
@@ -138,7 +139,7 @@ def weighted_plant(
     z = np.hstack([P.D[:n_z, :n_d], np.zeros((n_z, n_r)), P.D[:n_z, n_d:]])
     y = np.hstack([P.D[n_z:, :n_d], np.zeros((n_y, n_r)), P.D[n_z:, n_d:]])
     e = np.hstack([-P.D[n_z:, :n_d], r, -P.D[n_z:, n_d:]])
-    # what the weights read, from x and (d, r, u)
+    # inputs of the weights, as functions of x and (d, r, u)
     read = {
         "e": (-P.C[n_z:], e),
         "u": (np.zeros((n_u, n)), np.eye(n_u, n_d + n_r + n_u, n_d + n_r)),
@@ -162,7 +163,7 @@ def weighted_plant(
 
 
 def worst_sensitivity(S: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """max |S_p| over |Delta| <= 1: |S| (|1 - a b*| + |a - b|)/(1 - |b|^2), inf where |b| >= 1.
+    """Return max |S_p| over |Delta| <= 1: |S| (|1 - a b*| + |a - b|)/(1 - |b|^2), inf for |b| >= 1.
 
     The image of the disc under a bilinear map is a disc with centre (1 - a b*)/(1 - |b|^2) and radius
     |a - b|/(1 - |b|^2).
@@ -177,17 +178,17 @@ def worst_sensitivity(S: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray
 
 
 def worst_perturbation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the Delta of modulus one that reaches `worst_sensitivity`."""
+    """Return the Delta of modulus one that attains `worst_sensitivity`."""
     centre, edge = 1 - a * b.conj(), a - b
     direction = np.where(np.abs(edge) > 0, edge, 1.0)
-    # Delta = exp(j psi): (1 + a D)/(1 + b D) = [centre + edge (D + b*)/(1 + b D)]/(1 - |b|^2); the last fraction is
-    # a point of the unit circle, wanted in line with the centre
+    # Delta = exp(j psi): (1 + a D)/(1 + b D) = [centre + edge (D + b*)/(1 + b D)]/(1 - |b|^2). The last fraction is a
+    # point of the unit circle, which must be in line with the centre
     target = np.exp(1j * (np.angle(centre) - np.angle(direction)))
     return (target - b.conj()) / (1 - b * target)
 
 
 def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(W,) largest x with nominal (|1 - x^2 a b*| + x |a - b|)/(1 - x^2 |b|^2) <= 1, by bisection (increasing in x)."""
+    """Return (W,) the largest x with nominal (|1 - x^2 a b*| + x |a - b|)/(1 - x^2 |b|^2) <= 1, by bisection."""
     low, high = np.zeros(nominal.size), 1 / np.maximum(np.abs(b), 1e-12)
     for _ in range(60):
         x = (low + high) / 2
@@ -198,7 +199,7 @@ def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) ->
     return np.maximum(low, 1e-12)
 
 
-# ---- Linear fractional transformations: systems with several inputs and outputs, closed through one another.
+# ---- Linear fractional transformations: systems with several inputs and outputs, closed through each other.
 #
 #           +-----+                          +-------+
 #      z <--|     |<-- w              +----->| Delta |------+
@@ -207,16 +208,16 @@ def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) ->
 #    |      +-----+        |               |  N  |              the first ones of N with Delta)
 #    +----->[  K  ]--------+          z <--+-----+<-- w
 #
-# (SP A.7.) Both are closed with positive sign: u = K y. A negative feedback is part of P.
+# (SP A.7.) Both are closed with a positive sign: u = K y. A negative feedback is part of P.
 
 
 def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:
-    """F_l(P, K): the last inputs and outputs of P closed through K, all states kept.
+    """Return F_l(P, K): the last inputs and outputs of P closed through K, with all states.
 
     Raises
     ------
     ValueError
-        A loop without a solution: I - D_K D_22 singular.
+        A loop without a solution: I - D_K D_22 is singular.
 
     >>> P = control.ss([], [], [], [[1.0, 2.0], [3.0, 0.5]])
     >>> float(lower_lft(P, control.ss([], [], [], [[1.0]])).D[0, 0])      # 1 + 2 (1 - 0.5)^-1 3
@@ -230,7 +231,7 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
         1.0, float(np.linalg.norm(return_difference))
     ):
         raise ValueError("K must leave the loop well posed, got I - K P_22 singular at infinite frequency")
-    # u = gain [x; xk] + direct w, everything else follows from u
+    # u = gain [x; xk] + direct w, and everything else follows from u
     gain = np.linalg.solve(return_difference, np.hstack([K.D @ P.C[y], K.C]))
     direct = np.linalg.solve(return_difference, K.D @ P.D[y, w])
     n, m = P.nstates, K.nstates
@@ -243,7 +244,7 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
 
 
 def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
-    """F_u(N, Delta): the first inputs and outputs of N closed through Delta, all states kept."""
+    """Return F_u(N, Delta): the first inputs and outputs of N closed through Delta, with all states."""
     k, m = Delta.noutputs, Delta.ninputs
     columns = np.r_[k : N.ninputs, :k]
     rows = np.r_[m : N.noutputs, :m]
@@ -252,7 +253,7 @@ def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.State
 
 
 def block_diagonal(parts: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
-    """All parts side by side."""
+    """Return all parts side by side, without coupling."""
     A, B, C, D = (block_diag(*(getattr(part, name) for part in parts)) for name in "ABCD")
     n, n_in, n_out = (sum(sizes) for sizes in zip(*((p.nstates, p.ninputs, p.noutputs) for p in parts), strict=True))
     return control.StateSpace(A.reshape(n, n), B.reshape(n, n_in), C.reshape(n_out, n), D.reshape(n_out, n_in), dt)

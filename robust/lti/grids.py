@@ -1,4 +1,4 @@
-"""Frequency grids that see every mode, and the peaks of curves on them."""
+"""Frequency grids that resolve every mode, and the peaks of curves on them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
-#: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
+#: Largest distance of a frequency of a loop from their median [as a factor] at which it still widens the common grid.
 _MAX_MODE_RATIO = 1e9
-#: Where a mode is looked at that lies farther away, relative to it.
+#: Frequencies at which a mode farther away is examined, relative to it.
 _MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
-#: Ripples of a delay that are looked at, and points on each.
+#: Number of ripples of a delay that are resolved, and of points on each.
 _RIPPLES, _POINTS = 150, 8
-#: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
+#: Maxima that are refined: all within this factor of the largest, and at most so many.
 _NEARLY, _MOST_MAXIMA = 0.9, 40
-#: Half widths of a mode from its peak on, as far as it is wide: points a decade, and the narrowest [of its frequency].
+#: Distance of the first point from the peak of a mode in half-widths; points a decade; least half-width [relative].
 _FROM_PEAK, _A_DECADE, _NARROWEST = 0.1, 8, 1e-12
-#: How often the brackets of maxima close in, to a fourth each time or more.
+#: Number of refinements of the brackets of maxima, each to a fourth or less.
 _N_ZOOMS = 5
 
 
@@ -34,10 +34,10 @@ def loop_grid(
     delay: float = 0.0,
     folded: np.ndarray | tuple[()] = (),
 ) -> np.ndarray:
-    """Frequencies [rad/s] dense enough to look at a loop: the lines, a log grid, every mode of loop and systems.
+    """Return frequencies [rad/s] that resolve a loop: the lines, a log grid, every mode of loop and systems.
 
-    The poles of the loop are given on its time base dt, the systems each on their own; a delay [s] makes ripples.
-    `folded` are modes above Nyquist where they come down to, as poles in the s plane.
+    The poles of the loop are given on its time base dt, each system has its own. A delay [s] makes ripples.
+    `folded` : poles in the s plane at the alias frequencies of modes above Nyquist.
     """
     top = np.pi / dt if dt else np.inf
     roots = [to_s_plane(loop_poles, dt)]
@@ -60,7 +60,7 @@ def loop_grid(
 
 
 def structure_grid(N: control.StateSpace) -> np.ndarray:
-    """Frequencies [rad/s] for mu: zero, around every pole, dense where damping is light; up to Nyquist."""
+    """Return frequencies [rad/s] for mu: zero, and around every pole, dense for light damping; up to Nyquist."""
     dt = timebase(N)
     p = N.poles().astype(complex) if N.nstates else np.ones(1, complex)
     s = to_s_plane(p, dt)
@@ -71,25 +71,25 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
     low, high = size.min() / 30, min(size.max() * 30, top)
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
     omega = np.unique(np.concatenate([np.geomspace(low, high, 120), cluster_at_modes(sharp, 21)]))
-    # at zero frequency (and at Nyquist) N is real, and real perturbations reach what they reach nowhere near it
+    # at zero frequency (and at Nyquist) N is real, and real perturbations have effects that they have nowhere nearby
     return np.concatenate([[0.0], omega[(omega >= low) & (omega <= high)], [top] if dt else []])
 
 
 def cluster_at_modes(sharp: np.ndarray, n: int) -> np.ndarray:
-    """n frequencies [rad/s] around each lightly damped root of the upper half plane, a half width apart at its peak."""
+    """Return n frequencies [rad/s] around each lightly damped root of the upper half plane, densest at its peak."""
     return (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, n))).ravel()
 
 
 def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray:
-    """Frequencies [rad/s] of a band around every lightly damped pole of a controller, from its peak to where it fades.
+    """Return frequencies [rad/s] of a band around every lightly damped pole of a controller, out to where it fades.
 
-    An FRF says nothing between its lines, a controller is known there: a resonance of its own must not fall between.
+    An FRF is unknown between its lines, but the controller is known there: no resonance of it may fall between.
     """
     return mode_lines(to_s_plane(poles(K), timebase(K)), band)
 
 
 def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:
-    """Frequencies [rad/s] of a band around every lightly damped one of some roots in s."""
+    """Return frequencies [rad/s] of a band around every lightly damped root in s."""
     s = s[np.isfinite(s) & (np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     found = [np.zeros(0)]
     for mode in s:
@@ -102,13 +102,13 @@ def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:
 
 
 def interpolate_frf(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) an FRF between its lines, in log magnitude and phase; its end values outside them."""
+    """Return (W,) an FRF between its lines, in log magnitude and phase; outside them its end values."""
     log = np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
     return np.exp(np.interp(omega, known, log))
 
 
 def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...]) -> np.ndarray:
-    """Frequencies [rad/s] of the poles and zeros of a plant below Nyquist; the others where it has none."""
+    """Return frequencies [rad/s] of the poles and zeros of a plant below Nyquist; `otherwise` if it has none."""
     lines = np.array(otherwise) if otherwise else np.array([0.1 / dt if dt else 1.0])
     if G.nstates:
         s = to_s_plane(np.concatenate([poles(G), zeros(G)]), dt)
@@ -119,7 +119,7 @@ def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...
 
 
 class Peak(NamedTuple):
-    """A largest value and its frequency [rad/s], which belong together."""
+    """A largest value and its frequency [rad/s]."""
 
     value: float
     omega: float
@@ -129,7 +129,7 @@ class Peak(NamedTuple):
 
 
 def peak_of(omega: np.ndarray, values: np.ndarray) -> Peak:
-    """Return the largest of some values (W,) and its frequency."""
+    """Return the largest of values (W,) and its frequency."""
     k = int(np.argmax(values))
     return Peak(float(values[k]), float(omega[k]))
 
@@ -137,26 +137,26 @@ def peak_of(omega: np.ndarray, values: np.ndarray) -> Peak:
 def find_peak(
     curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, *, band: tuple[float, float], top: float
 ) -> Peak:
-    """Largest value of a curve and where: on the grid, far outside it up to `top`, and refined.
+    """Return the largest value of a curve and its frequency: on the grid, far outside it up to `top`, and refined.
 
-    Where the curve is flat, the place is the one nearest to the band.
+    If the curve is flat, the frequency is the one nearest to the band.
     """
     points = extend_grid(omega, top)
     return refine_peaks(lambda at: curve(at)[None], points, values=curve(points)[None], band=band)[0]
 
 
 def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
-    """Return a grid with a point far below it and one far above, under `top`."""
+    """Return a grid with one point far below it and one far above, at most `top`."""
     return np.unique(np.concatenate([omega, [omega[0] * 1e-5, min(omega[-1] * 1e5, top * (1 - 1e-12))]]))
 
 
 def refine_peaks(
     curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, *, values: np.ndarray, band: tuple[float, float]
 ) -> list[Peak]:
-    """Largest values of several curves at once and where, from their values (k, W) on points (W,).
+    """Return the largest values of several curves and their frequencies, from values (k, W) on points (W,).
 
-    The brackets of all maxima that may be the largest close in together: each time on the best of points that divide
-    them and of the top of a parabola, which is what a smooth maximum looks like from near.
+    The brackets of all maxima that may be the largest are refined together. Each time the best is taken of points that
+    divide a bracket, and of the vertex of a parabola, which a smooth maximum resembles from near.
     """
     values = np.where(np.isnan(values), np.inf, values)
     best, where = values.max(axis=1), points[values.argmax(axis=1)]
@@ -179,7 +179,7 @@ def refine_peaks(
 
 
 def _local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
+    """Return (m,) the curve and (m,) the point of each local maximum that is refined."""
     there = (values[:, 1:-1] >= values[:, :-2]) & (values[:, 1:-1] >= values[:, 2:])
     owner, inner = [], []
     for k, row in enumerate(values):
@@ -192,7 +192,7 @@ def _local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(7, m) points inside brackets x (3, m): each half in four, and the top of the parabola through their values y."""
+    """Return (7, m) points inside brackets x (3, m): each half in four, and the vertex of the parabola through y."""
     left, right = x[1] - x[0], x[2] - x[1]
     with np.errstate(all="ignore"):
         fall, rise = (y[0] - y[1]) * right, (y[2] - y[1]) * left
@@ -205,7 +205,7 @@ def _subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _peak_nearest_band(
     best: float, where: float, *, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> Peak:
-    """Return a largest value and where; on a flat top at the point nearest to the band."""
+    """Return a largest value and its frequency; on a flat top the frequency nearest to the band."""
     flat = points[values >= best * (1 - 1e-4)]
     if flat.size:
         away = np.abs(np.log(np.clip(flat, *band) / flat))

@@ -1,4 +1,4 @@
-"""What a plant does below the first line of its FRF: how many integrators it has, its sign, and its response there.
+"""A plant below the first line of its FRF: its number of integrators, its sign, and its response there.
 
 Gain and phase of a plant with real coefficients belong together (Bode): log G is a sum over lags, modes and
 right-half-plane zeros, from the first line up,
@@ -7,9 +7,9 @@ right-half-plane zeros, from the first line up,
                                        + sum a log((1 - s/z)/(1 + s/z))
 
 which is linear in its coefficients. Least squares with a prior for each gives nu, the slope below the first line, and
-alpha, the phase that the gain does not explain, with their covariance. The plant has a positive sign where alpha is
-zero, a negative one where it is pi; and at most nu integrators, as a corner below the first line makes the slope less.
-Whatever lies within the bound of (nu, alpha) is a reading, and a loop that is stable is stable with each of them.
+alpha, the phase that the gain does not explain, with their covariance. The sign of the plant is positive for alpha
+zero, and negative for alpha of pi. It has at most nu integrators, because a corner below the first line reduces the
+slope. Every (nu, alpha) within the bound is a reading. A loop counts as stable if it is stable with each of them.
 
 References
 ----------
@@ -22,22 +22,22 @@ import numpy as np
 
 from nlfrf._base.values import value
 
-#: How far above the first line [as a factor] an FRF is read, and the logarithmic width of what is averaged.
+#: Highest frequency relative to the first line that is used, and logarithmic width of a bin.
 _READ_UP_TO, _BIN = 30.0, 0.15
 #: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior: slope (around one),
-#: lags, modes, right-half-plane zeros, delay over the first line [rad], and what is free. On 2000 machines of
+#: lags, modes, right-half-plane zeros, delay over the first line [rad], and free parameters. On 2000 machines of
 #: benchmarks.attack_met alpha is then 0.1 rad off (median) and 0.9 (99 %), at most 3.3 of its standard deviations.
 _SPACING, _DAMPING = 0.5, (0.3, 0.1)
 _SLOPE, _LAGS, _MODES, _ZEROS, _DELAY, _FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
-#: What the model leaves of log G where there is no noise.
+#: Error of the model of log G without noise.
 _LEFT_OVER = 0.05
-#: Of each unstable pole, whose phase rises as that of a zero falls.
+#: Contribution of each unstable pole, whose phase rises as that of a zero falls.
 _UNSTABLE = 0.4
-#: Rounds of weighting by Student's t of one degree of freedom: a mode too sharp for the model is an outlier. After 15
-#: both signs are within the bound of 4 of 500 of those machines, after 5 of 17.
+#: Rounds of weighting by Student's t with one degree of freedom: a mode too sharp for the model is an outlier. After 15
+#: rounds both signs are within the bound for 4 of 500 of those machines, after 5 rounds for 17.
 _ROUNDS, _FREEDOM = 15, 1.0
-#: Square of the distance from the likeliest reading up to which others are within the bound: odds of 500 to 1. The true
-#: integrators and sign of those 2000 machines are always within it; both signs are of 24.
+#: Largest squared distance from the likeliest reading within the bound: odds of 500 to 1. The true integrators and sign
+#: of those 2000 machines are always within it; both signs are for 24.
 _FARTHEST = 2 * np.log(500.0)
 _DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 
@@ -49,7 +49,7 @@ class Reading:
     Fields
     ------
     n_integrators, sign : int
-        Integrators, and the sign of the gain at zero frequency, integrators aside.
+        Number of integrators, and sign of the gain at zero frequency without the integrators.
     omega : (P,) ndarray
         Frequencies below the first line [rad/s].
     G : (P,) complex ndarray
@@ -74,10 +74,10 @@ def read_below(
     n_unstable: int = 0,
     n_integrators: int | None = None,
 ) -> tuple[Reading, ...]:
-    """Return the readings of an FRF (W,) that lie within its bound, the likeliest first.
+    """Return the readings of an FRF (W,) within its bound, the likeliest first.
 
-    radius: of the discs around G, of 95 %; n_unstable: unstable poles of the plant, whose phase rises; n_integrators:
-    where they are known.
+    radius : of the discs around G, at 95 %. n_unstable : number of unstable poles of the plant, whose phase rises.
+    n_integrators : if it is known.
     """
     at, g, scatter = _average_lines(omega, G, radius)
     theta, C = _fit_phase_and_gain(at / omega[0], g, scatter, zeros=float(np.hypot(_ZEROS, _UNSTABLE * n_unstable)))
@@ -89,7 +89,7 @@ def read_below(
         away = np.angle(sign * np.exp(-1j * theta[1]))  # of alpha
         given_sign = theta + C[:, 1] / C[1, 1] * away
         slope, lag = float(given_sign[0]), float(first @ given_sign - given_sign[1])
-        lag += float(np.angle(sign * G[0] * np.exp(-1j * lag)))  # that of the first line, by whole turns near the model
+        lag += float(np.angle(sign * G[0] * np.exp(-1j * lag)))  # the lag of the first line, with turns as in the model
         most = max(0, int(slope + np.sqrt(slope_variance * _FARTHEST)))
         for n in range(most + 1) if n_integrators is None else [n_integrators]:
             distance = away**2 / C[1, 1] + max(0.0, n - slope) ** 2 / slope_variance
@@ -103,7 +103,7 @@ def read_below(
 
 
 def radius_below(omega: np.ndarray, w: np.ndarray) -> float:
-    """Return the relative radius below the first line: the least of the first lines, as one may scatter low."""
+    """Return the relative radius below the first line: the least of the first lines, because one may scatter low."""
     return float(w[omega <= omega[0] * np.exp(_BIN)].min())
 
 
@@ -147,7 +147,7 @@ def _model_columns(x: np.ndarray, top: float) -> np.ndarray:
 
 
 def _places(top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return where lags and zeros, and where modes are, over the first line, for lines up to `top`."""
+    """Return the places of lags and zeros, and of modes, over the first line, for lines up to `top`."""
     return np.exp(np.arange(0, np.log(3 * top), _SPACING)), np.exp(np.arange(0, np.log(1.5 * top), 2 * _BIN))
 
 
@@ -165,7 +165,7 @@ def _fit_phase_and_gain(
 
     def solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trust = np.ones(len(y))
-        for _ in range(_ROUNDS):  # of Student's t: a mode too sharp for the model is an outlier, and no more
+        for _ in range(_ROUNDS):  # by Student's t: a mode too sharp for the model is an outlier, with a small effect
             of_data = A.T @ (trust[:, None] * A)
             C = np.linalg.inv(of_data + np.diag(deviations**-2.0))
             theta = C @ (A.T @ (trust * y) + mean / deviations**2)

@@ -1,4 +1,4 @@
-"""Linear systems as this package takes them in: one single-loop state space, its response, its roots."""
+"""Linear systems inside this package: state spaces, their response, their roots."""
 
 from __future__ import annotations
 
@@ -16,35 +16,33 @@ if TYPE_CHECKING:
 
 # ---- State spaces of python-control as pickles: for a worker in another process, never for a file.
 #
-# A state space is reduced to its numbers and names: python-control's own holds functions that pickle refuses, so that a
-# controller could not be sent to a `ProcessPoolExecutor`. A pickle runs code when it is read and knows one version of
-# python-control: to a file goes `robust.save`.
+# A state space is reduced to its numbers and names. The object of python-control holds functions that pickle refuses,
+# so a controller could not be sent to a `ProcessPoolExecutor`. A pickle runs code when it is read and needs one version
+# of python-control: for files use `robust.save`.
 
 
 def _make_picklable() -> None:
-    """Let every pickler reduce a state space to numbers and names."""
     copyreg.pickle(control.StateSpace, _reduce_state_space)
 
 
 def _reduce_state_space(system: control.StateSpace) -> tuple[Callable[..., control.StateSpace], tuple[object, ...]]:
-    """Return how to make the system again: a function and what it is given."""
+    """Return a function and its arguments that rebuild the system."""
     names = {"inputs": system.input_labels, "outputs": system.output_labels, "states": system.state_labels}
     numbers = (system.A, system.B, system.C, system.D, system.dt)
     return _rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
 
 
 def _rebuild_state_space(numbers: tuple[object, ...], names: dict[str, object]) -> control.StateSpace:
-    """Return the system from its numbers and names."""
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
 
-#: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
+#: Stands for a response at a pole on the axis: its square and its products with weights are still finite.
 _POLE_RESPONSE = 1e140
 _SCHUR_STATES = 40
-SAMPLING_TOLERANCE = 1e-9  # of a sampling time: two that differ by less are one
-_CHUNK_ENTRIES = 8000  # numbers of the matrices that are solved together: they stay in the cache
+SAMPLING_TOLERANCE = 1e-9  # relative difference up to which two sampling times are equal
+_CHUNK_ENTRIES = 8000  # numbers of the matrices that are solved together, so that they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-_make_picklable()  # here, as every room that makes or takes a system stands on this one
+_make_picklable()  # here, because every module that makes or takes a system imports this one
 
 
 def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
@@ -54,7 +52,7 @@ def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Seque
 
 
 def signal_names(system: AnySystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of its inputs and outputs; u1, u2, ... and y1, y2, ... where nobody gave any."""
+    """Return the names of inputs and outputs; u1, u2, ... and y1, y2, ... if none were given."""
     pairs = ((system.input_labels, "u"), (system.output_labels, "y"))
     return tuple(  # type: ignore[return-value]  # of two
         tuple(f"{letter}{i + 1}" if label == f"{letter}[{i}]" else label for i, label in enumerate(labels))
@@ -63,7 +61,7 @@ def signal_names(system: AnySystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def timebase(system: control.StateSpace) -> float:
-    """Sampling time [s], zero for continuous time; a system without a stated one counts as continuous."""
+    """Return the sampling time [s], zero for continuous time; a system without a stated one counts as continuous."""
     return 0.0 if system.dt is None else float(system.dt)
 
 
@@ -73,19 +71,19 @@ def is_constant(system: control.StateSpace) -> bool:
 
 
 def is_clockless(system: control.StateSpace) -> bool:
-    """Return whether the system is a gain that is not said to be sampled at some rate."""
+    """Return whether the system is a gain without a sampling time."""
     return is_constant(system) and not timebase(system)
 
 
 def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
-    """Return whether two systems state sampling times that are not the same; a gain without one fits any."""
+    """Return whether two systems state different sampling times; a gain without one fits any."""
     steps = timebase(one), timebase(other)
     differ = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
     return differ and not is_clockless(one) and not is_clockless(other)
 
 
 def one_sampling_time(steps: Iterable[float | None]) -> float:
-    """Return the sampling time [s] that some of them state, 0 where none does, or a refusal where two differ."""
+    """Return the sampling time [s] that the given ones share, 0 if none is stated; refuse two that differ."""
     stated = sorted({float(step) for step in steps if step})
     if stated and stated[-1] - stated[0] > SAMPLING_TOLERANCE * stated[-1]:
         raise ValueError(f"dt must be one sampling time for all, got {' and '.join(f'{step:g} s' for step in stated)}")
@@ -93,10 +91,10 @@ def one_sampling_time(steps: Iterable[float | None]) -> float:
 
 
 def common_sampling_time(*systems: AnySystem) -> float | None:
-    """Sampling time [s] of the first system that states one, 0 for continuous; None where each goes with any.
+    """Return the sampling time [s] of the first system that states one, 0 for continuous; None if any fits.
 
-    Those are systems without a dt, and gains and FRFs that are not said to be sampled: numbers at frequencies have dt
-    = 0 in python-control, wherever they are from.
+    Any sampling time fits systems without a dt, and gains and FRFs without a sampling time: python-control gives
+    numbers at frequencies dt = 0, whatever their source.
     """
     for system in systems:
         gain = isinstance(system, control.FrequencyResponseData) or is_constant(system)
@@ -106,7 +104,7 @@ def common_sampling_time(*systems: AnySystem) -> float | None:
 
 
 def require_sampling_time(name: str, system: AnySystem, *, reference: str, wanted: float | None) -> None:
-    """Check that a system states no other sampling time than the one wanted; None accepts any."""
+    """Refuse a system with another sampling time than the one wanted; None accepts any."""
     mine = common_sampling_time(system)
     if mine is None or wanted is None or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted):
         return
@@ -124,33 +122,33 @@ def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 
 
 def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """`response` of one system, made ready for any number of calls."""
+    """Return the `response` of one system as a function, prepared for many calls."""
     dt = timebase(system)
     A = system.A - np.eye(system.nstates) if dt else system.A
     return partial(_siso_response, _make_evaluator(A, system.B, C=system.C, D=system.D), dt)
 
 
 def _siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
-    """Return (W,) `response` of a system that was made ready."""
+    """Return (W,) `response` of a prepared system."""
     return at(axis_offset(omega, dt))[:, 0, 0]
 
 
 def replace_infinite(response: np.ndarray) -> np.ndarray:
-    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are.
+    """Return (W,) a response with its limit instead of infinity: in S, T, K S and G S it cancels, to all digits.
 
-    What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
+    nan stays nan and counts as the worst value: it is a failure and not a pole.
     """
     return np.where(np.isinf(response), _POLE_RESPONSE, response)
 
 
 def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """s = j omega, or z on the unit circle where sampled."""
+    """Return s = j omega, or z on the unit circle for a sampled system."""
     return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
 def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a with rows and columns alike in size, by powers of two, and those."""
-    with np.errstate(invalid="ignore"):  # scales beyond any integer, which scipy looks for a permutation in
+    """Return A scaled so that rows and columns are alike in size, by powers of two, and the scales."""
+    with np.errstate(invalid="ignore"):  # scales beyond any integer, in which scipy looks for a permutation
         scaled, (weights, _) = matrix_balance(A, permute=False, separate=True)
     return scaled, weights
 
@@ -161,7 +159,7 @@ def divide_right(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
 
 
 def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scale the states by powers of two, which makes rows and columns of A alike in size."""
+    """Scale the states by powers of two, so that rows and columns of A are alike in size."""
     A, weights = balance_matrix(A)
     return A, B / weights[:, None], C * weights
 
@@ -174,7 +172,7 @@ def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 def _make_evaluator(
     A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """`evaluate_transfer` of one system, made ready for any number of calls."""
+    """Return `evaluate_transfer` of one system as a function, prepared for many calls."""
     if A.shape[0]:
         A, B, C = scale_states(A, B, C)
         order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
@@ -183,7 +181,7 @@ def _make_evaluator(
 
 
 def _evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """`evaluate_transfer` of a system that was made ready."""
+    """Return `evaluate_transfer` of a prepared system."""
     n = A.shape[0]
     points = np.atleast_1d(np.asarray(points, dtype=complex))
     out = np.empty((points.size, *D.shape), dtype=complex)
@@ -210,7 +208,7 @@ def _evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray,
 
 
 def _solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return (W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
+    """Return (W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf for a singular one."""
     try:
         return np.asarray(C @ np.linalg.solve(pencil, B[None]))
     except np.linalg.LinAlgError:
@@ -222,7 +220,7 @@ def _solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarra
 def _evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return (W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
 
-    For long delay lines; solving point by point keeps more digits where modes lie decades apart.
+    This is for long delay lines. Solving point by point keeps more digits for modes that lie decades apart.
     """
     T, Q = schur(A.astype(complex), output="complex")
     right, left = Q.conj().T @ B, C @ Q
@@ -234,7 +232,7 @@ def _evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: n
 
 
 def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
-    """Return (.,) response of a nominal that is known on its lines only, on some of them."""
+    """Return the response of a nominal that is known on its lines only, on some of these lines."""
     known = np.asarray(nominal.omega)
     place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
     place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
@@ -244,7 +242,7 @@ def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> n
 
 
 def poles(system: control.StateSpace) -> np.ndarray:
-    """Eigenvalues of A."""
+    """Return the eigenvalues of A."""
     return np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
 
 
@@ -255,7 +253,7 @@ def is_stable(system: control.StateSpace) -> bool:
 
 
 def zeros(system: control.StateSpace) -> np.ndarray:
-    """Finite invariant zeros of a system of as many inputs as outputs."""
+    """Return the finite invariant zeros of a system with equal numbers of inputs and outputs."""
     n, m = system.nstates, system.ninputs
     if n == 0:
         return np.zeros(0, complex)
@@ -272,7 +270,7 @@ def zeros(system: control.StateSpace) -> np.ndarray:
 
 
 def to_s_plane(roots: np.ndarray, dt: float) -> np.ndarray:
-    """Roots in the s plane: by the logarithm where they are discrete."""
+    """Return roots in the s plane; discrete roots by the logarithm."""
     if not dt:
         return roots
     with np.errstate(divide="ignore"):
@@ -287,13 +285,13 @@ def response_by_channel(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 def frequency_response_matrices(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarray:
     """Return (W, n_out, n_in) transfer matrix at omega [rad/s].
 
-    Of a sampled system from z - 1 and A - I: in a fast clock exp(j omega dt) rounds to one, and its slow poles with it.
+    A sampled system is evaluated from z - 1 and A - I: exp(j omega dt) rounds to one for small dt, as do slow poles.
     """
     A, B, C, D = matrices
     return evaluate_transfer(A - np.eye(A.shape[0]) if dt else A, B, C, D, axis_offset(omega, dt))
 
 
 def axis_offset(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Return (W,) s = j omega, or z - 1 where sampled."""
+    """Return (W,) s = j omega, or z - 1 for a sampled system."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     return np.expm1(1j * omega * dt) if dt else 1j * omega

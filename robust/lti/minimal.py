@@ -1,8 +1,8 @@
-"""Sum the modes of the entries of a transfer matrix with as few states as it has.
+"""Sum the modes of the entries of a transfer matrix with a minimal number of states.
 
-Entries are split at their poles. Of the poles of all entries that lie together those states stay that inputs reach and
-outputs see (Gilbert 1963 for simple poles, the staircase of Van Dooren 1981 for others). Each rank is decided among
-poles of one size, with the channels in units of their own: neither units nor the decades that poles span matter.
+Entries are split at their poles. Among poles of all entries that lie together, the states are kept that are reached
+from inputs and seen at outputs (Gilbert 1963 for simple poles, the staircase of Van Dooren 1981 for others). Each rank
+is decided among poles of one size, with scaled channels, so neither units nor the decades between poles matter.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from scipy.linalg import block_diag, schur, solve_sylvester
 
 from nlfrf._base.numbers import EPS, TINY
 
-#: Share of the largest direction from which on one counts as reached; below is rounding.
+#: Share of the largest direction above which a direction counts as reached; below it is rounding.
 _LEAST_REACHED = 1e-9
-#: Scatter of poles, relative to their size, below which their differences count for less.
+#: Scatter of poles, relative to their size, below which their differences count less.
 _LEAST_SCATTER = 1e-3
-#: Distance of a zero of an entry from its pole, relative to the pole, below which the two cancel.
+#: Distance of a zero of an entry from its pole, relative to the pole, below which both cancel.
 _CANCELLED = 1e-9
 
 
@@ -37,9 +37,9 @@ class EntryModes(NamedTuple):
 def sum_modes(
     modes: Sequence[EntryModes], shape: tuple[int, int], link: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) of the sum of some modes, minimal, and the poles of which nothing stays in it.
+    """Return (A, B, C) of the minimal sum of modes, and the poles that vanish from it.
 
-    Poles nearer than `link`, relative to their size, lie together.
+    Poles closer than `link`, relative to their size, lie together.
     """
     spectra = [np.linalg.eigvals(one.A) for one in modes]
     p = np.concatenate([np.zeros(0, complex), *spectra])
@@ -57,7 +57,7 @@ def sum_modes(
             lost.append(group)
             continue
         A, B, C = _reach_and_see(parts, shape)
-        if not is_real:  # one of each pair, z: the real and imaginary part of z are the states of both
+        if not is_real:  # one z stands for a pair: its real and imaginary part are the states of both
             A = np.block([[A.real, -A.imag], [A.imag, A.real]])
             B, C = np.sqrt(2) * np.vstack([B.real, B.imag]), np.sqrt(2) * np.hstack([C.real, -C.imag])
         groups.append((A, B, C))
@@ -85,7 +85,7 @@ def _select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_rea
 
 
 def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) of the states of poles of one size that inputs reach and outputs see."""
+    """Return (A, B, C) with the states of poles of one size that are reached from inputs and seen at outputs."""
     size = np.zeros(shape)
     for one in parts:
         size[one.row, one.column] = np.linalg.norm(one.b) * np.linalg.norm(one.c)
@@ -107,7 +107,7 @@ def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple
 
 
 def channel_units(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return units of rows and columns in which entries of these sizes are alike; one where all are zero."""
+    """Return scales of rows and columns for which entries of these sizes are alike; one if all are zero."""
     known = size > 0
     logs = np.log(np.where(known, size, 1.0))
     rows, columns = np.zeros(len(size)), np.zeros(size.shape[1])
@@ -118,11 +118,11 @@ def channel_units(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _reached_states(N: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis (n, r) of the states that B reaches through N, of norm one."""
+    """Return an orthonormal basis (n, r) of the states that B reaches through an N of norm one."""
     basis = np.zeros((len(N), 0), N.dtype)
     new, least = B, _LEAST_REACHED * float(np.linalg.norm(B, 2))
     while basis.shape[1] < len(N):
-        for _ in range(2):  # the second one takes off what rounding left
+        for _ in range(2):  # the second pass removes rounding
             new = new - basis @ (basis.conj().T @ new)
         U, sizes, _ = np.linalg.svd(new, full_matrices=False)
         found = U[:, sizes > least]

@@ -1,4 +1,4 @@
-"""The H-infinity norm and the Hamiltonian test behind it, with an honest account of rounding."""
+"""The H-infinity norm and its Hamiltonian test, with a bound on rounding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, timebase
 def to_continuous(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bilinear image z = (1 + s)/(1 - s): keeps stability and norms; omega maps to tan(omega dt / 2)."""
+    """Return the bilinear image z = (1 + s)/(1 - s), with equal stability and norms; omega maps to tan(omega dt/2)."""
     n = A.shape[0]
     inverse = _invert_for_bilinear(A + np.eye(n), "z = -1 (the Nyquist frequency)")
     return inverse @ (A - np.eye(n)), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D - C @ inverse @ B
@@ -25,14 +25,14 @@ def to_continuous(
 def to_discrete(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bilinear image s = (z - 1)/(z + 1) of a continuous system, the inverse of `to_continuous`."""
+    """Return the bilinear image s = (z - 1)/(z + 1) of a continuous system, the inverse of `to_continuous`."""
     n = A.shape[0]
     inverse = _invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
 
 
 def _invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
-    """Return the inverse a bilinear map needs, or a refusal that names the pole in its way."""
+    """Return the inverse for a bilinear map, or refuse the pole that makes it singular."""
     try:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:
@@ -48,9 +48,9 @@ def continuous_image(system: control.StateSpace) -> Matrices:
 
 
 def to_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
-    """Return the image under p = (s - a)/(1 - s/b), which takes the circle through a and b, both real, onto the axis.
+    """Return the image under p = (s - a)/(1 - s/b), which maps the circle through the real a and b onto the axis.
 
-    With 0 < a < b the disc between them becomes the right half plane of p, with b < a < 0 all that lies outside of it.
+    For 0 < a < b the disc between them becomes the right half plane of p; for b < a < 0 the outside of the disc does.
 
     >>> A, B, C, D = to_half_plane((np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), 1.0, 3.0)
     >>> float(A[0, 0]), round(float((D - C @ np.linalg.solve(A - 1, B))[0, 0]), 12)   # p = 1 is s = 1.5: 1/(1.5 - 1)
@@ -72,16 +72,16 @@ _LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singu
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
-    """Return a stable system in coordinates where numbers say what the dynamics are, hidden modes kept."""
+    """Return a stable system in well-conditioned coordinates, with its hidden modes."""
     return well_conditioned_with(matrices)[0]
 
 
 def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
-    """Return `well_conditioned` and the T of its coordinates T x.
+    """Return `well_conditioned`, and the T of its coordinates T x.
 
-    The two Gramians are balanced (Moore 1981) after a small multiple of the identity was added to what drives them,
-    so that a mode that hardly shows at input or output stays where it is; modal coordinates where that fails, those
-    of the model where neither reproduces the response.
+    The two Gramians are balanced (Moore 1981) after a small multiple of the identity is added to their right-hand
+    sides, so that a mode that hardly shows at input or output stays in place. If that fails, modal coordinates are
+    used; if neither reproduces the response, those of the model.
     """
     A, B, C, D = matrices
     n = A.shape[0]
@@ -93,7 +93,7 @@ def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
     before = evaluate_transfer(*matrices, 1j * omega)
     size = np.abs(before).max(axis=(1, 2), keepdims=True)
-    scale = size + 1e-6 * size.max() + 1e-300  # where nearly nothing comes through, nothing need be kept
+    scale = size + 1e-6 * size.max() + 1e-300  # a response that is nearly zero need not be reproduced
     for forth, back in filter(None, candidates):
         moved = forth @ A @ back, forth @ B, C @ back, D
         if all(np.isfinite(m).all() for m in moved):
@@ -104,13 +104,13 @@ def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
 
 
 def _balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Coordinates that balance the Gramians, and back; None where they are not to be trusted."""
+    """Return coordinates that balance the Gramians, and back; None if they are inaccurate."""
     speed = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)))))
     drive, sense = B @ B.T, C.T @ C
     floor = 1e-7 * np.eye(A.shape[0])
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # scipy warns of a Gramian that is not to be trusted
+            warnings.simplefilter("error")  # scipy warns of an inaccurate Gramian
             Wc = solve_continuous_lyapunov(A / speed, -drive / max(np.trace(drive), 1e-300) - floor)
             Wo = solve_continuous_lyapunov(A.T / speed, -sense / max(np.trace(sense), 1e-300) - floor)
         Lc, Lo = np.linalg.cholesky((Wc + Wc.T) / 2), np.linalg.cholesky((Wo + Wo.T) / 2)
@@ -121,7 +121,7 @@ def _balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple
 
 
 def modal_coordinates(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Coordinates in which every mode has its own one or two states, and back; None where modes nearly coincide."""
+    """Return coordinates with one or two states for every mode, and back; None if modes nearly coincide."""
     found, vectors = np.linalg.eig(A)
     columns = []
     for value, vector in zip(found, vectors.T, strict=True):
@@ -148,12 +148,11 @@ def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
 
 
 def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Frequencies [rad/s] where a singular value may equal `level`, with the uncertainty of each by rounding.
+    """Return frequencies [rad/s] where a singular value may equal `level`, with the uncertainty of each by rounding.
 
-    They are the eigenvalues of the Hamiltonian that may lie on the imaginary axis: an eigenvalue counts as
-    soon as its distance from the axis is within what rounding can move it (100 eps |H| over its condition, and at
-    most what it moves a sixfold eigenvalue), so that no true crossing is lost. None where the test cannot be made:
-    level is a singular value of D.
+    They are the eigenvalues of the Hamiltonian that may lie on the imaginary axis. An eigenvalue counts if rounding
+    may have moved it by its distance from the axis (100 eps |H| over its condition, at most the shift of a sixfold
+    eigenvalue), so no true crossing is lost. None if the test is impossible, because level is a singular value of D.
 
     References
     ----------
@@ -164,34 +163,34 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     if n == 0:
         return np.zeros(0), np.zeros(0)
     B, C, D = B / np.sqrt(level), C / np.sqrt(level), D / level
-    Bh, Ch, Dh = B.conj().T, C.conj().T, D.conj().T  # a scaling may have made them complex
+    Bh, Ch, Dh = B.conj().T, C.conj().T, D.conj().T  # complex after a complex scaling
     inner, outer = np.eye(D.shape[1]) - Dh @ D, np.eye(D.shape[0]) - D @ Dh
     smallest = min(np.abs(np.linalg.eigvalsh(M)).min() for M in (inner, outer))
     if smallest < 1e-9:
         return None
-    rounding = EPS / min(smallest, 1.0)  # of what the Hamiltonian is made from, relative to it
+    rounding = EPS / min(smallest, 1.0)  # relative rounding of the parts of the Hamiltonian
     F = A + B @ np.linalg.solve(inner, Dh @ C)
     H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
     return _eigenvalues_near_axis(H, rounding)
 
 
 def _eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
+    """Return eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, and their possible shifts."""
     if not np.isfinite(H).all():
         return None
     H = balance_matrix(H)[0]
     found, left, right = eig(H, left=True, right=True)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    # to first order; where eigenvalues coincide (the states of a delay do) they move by a root of that instead
+    # to first order; coinciding eigenvalues (such as the states of a delay) move by a root of that instead
     moved = np.minimum(100 * rounding / np.maximum(cosine, EPS), 10 * rounding ** (1 / 6)) * np.linalg.norm(H)
     near = (np.abs(found.real) <= moved) & (found.imag >= -moved)
     return np.maximum(found.imag[near], 0.0), moved[near]
 
 
 def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[float, float]:
-    """H-infinity norm of a stable system and the frequency [rad/s] of its peak (inf where unstable).
+    """Return the H-infinity norm of a stable system and the frequency [rad/s] of its peak (inf if it is unstable).
 
-    A lower bound by evaluation, raised from one pair of crossings to the next (Bruinsma & Steinbuch 1990).
+    A lower bound by evaluation is raised from one pair of crossings to the next (Bruinsma & Steinbuch 1990).
 
     >>> norm, omega = hinf_norm(control.ss(control.tf([1], [1, 0.1, 1])))
     >>> round(norm, 6), round(omega, 4)
@@ -215,10 +214,10 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
 
 
 def _find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
-    """Return a gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
+    """Return a gain above a norm by more than a tolerance, and its frequency [rad/s]; None if there is none.
 
-    Beside a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) the Hamiltonian says
-    nothing for rounding: peaks that are well above it are looked for first.
+    Close to a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) rounding makes the
+    Hamiltonian useless, so peaks well above it are searched first.
     """
     sizes = np.linalg.svd(matrices[3], compute_uv=False)
     near_direct = np.any(np.abs(sizes - norm) < _LEVEL_OFFSETS[0] * norm)
@@ -236,25 +235,26 @@ def _find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple
 
 # ---- Stabilising solutions of Riccati equations.
 
-_WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
-_RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
-#: The same at all: without a solution the pencil gives a matrix that leaves a tenth. Of 54 published problems 1e-6
-#: worsens one by 17 %, as slow poles leave more of a solution, and 1e-8 refutes a level that is reached.
+_WELL_CONDITIONED = 1e6  # largest condition of R for the Hamiltonian, which takes a third of the time
+_RICCATI_RESIDUAL = 1e-11  # largest residual, relative to the largest terms, if another solver can be tried
+#: The same for the last solver: without a solution the pencil gives a matrix with a residual of a tenth. Of 54
+#: published problems 1e-6 worsens one by 17 %, because slow poles leave a larger residual, and 1e-8 refutes a level
+#: that is reached.
 _MAX_RESIDUAL = 1e-3
 
 
 def stabilising_riccati(
     A: np.ndarray, B: np.ndarray, *, Q: np.ndarray, R: np.ndarray, S: np.ndarray, quick: bool = False
 ) -> np.ndarray | None:
-    """X >= 0 with A'X + XA - (XB + S) R^-1 (B'X + S') + Q = 0 and A + B F stable; None where there is none.
+    """Return X >= 0 with A'X + XA - (XB + S) R^-1 (B'X + S') + Q = 0 and A + B F stable; None if there is none.
 
-    quick: from the Hamiltonian where that is exact enough, for when only the existence is asked for.
+    quick : use the Hamiltonian if it is exact enough, for tests of existence only.
     """
     n = A.shape[0]
     if n == 0:
         return np.zeros((0, 0))
     if not Q.any() and not S.any() and np.linalg.eigvals(A).real.max() < 0:
-        return np.zeros((n, n))  # which rounding would give a sign
+        return np.zeros((n, n))  # rounding would give it a sign
     quick = quick and np.linalg.cond(R) < _WELL_CONDITIONED
     solvers = (_riccati_by_hamiltonian, _riccati_by_pencil) if quick else (_riccati_by_pencil, _riccati_by_hamiltonian)
     for solve in solvers:
@@ -285,12 +285,12 @@ def stabilising_riccati(
 
 
 def _riccati_by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """SciPy's solver, on the extended pencil: R need not be well conditioned."""
+    """Solve by SciPy, on the extended pencil: R need not be well conditioned."""
     return np.asarray(solve_continuous_are(A, B, Q, R, s=S))
 
 
 def _riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """From the stable subspace of the Hamiltonian, whose slow eigenvalues are the more exact ones."""
+    """Solve from the stable subspace of the Hamiltonian, whose slow eigenvalues are more exact."""
     n = A.shape[0]
     F = A - B @ np.linalg.solve(R, S.T)
     G, H = B @ np.linalg.solve(R, B.T), Q - S @ np.linalg.solve(R, S.T)
@@ -302,7 +302,7 @@ def _riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.n
 
 
 def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
-    """Return the system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
+    """Return the system in s, or for dt in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
     matrices = (system.A, system.B, system.C, system.D)
     if not dt or not system.nstates:
         return matrices
@@ -312,7 +312,7 @@ def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
 
 
 def discrete_matrices(matrices: Matrices, dt: float) -> Matrices:
-    """Return under a clock dt [s] the image of a system in 2/dt (z - 1)/(z + 1): `continuous_matrices` undone."""
+    """Return the system for dt [s] from its image in 2/dt (z - 1)/(z + 1), the inverse of `continuous_matrices`."""
     if not dt:
         return matrices
     A, B, C, D = matrices

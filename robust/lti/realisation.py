@@ -1,4 +1,4 @@
-"""Whatever a user calls a system, as one state space."""
+"""Any form of a system, as one state space."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from robust.lti.minimal import EntryModes, sum_modes
 
 
 def multivariable(name: str, system: object) -> control.StateSpace:
-    """Return the system as a state space with any number of inputs and outputs, or a refusal."""
+    """Return the system as a state space with any number of inputs and outputs, or refuse it."""
     if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
         system = control.StateSpace([], [], [], _gain_matrix(name, system), None)
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
@@ -40,23 +40,23 @@ def multivariable(name: str, system: object) -> control.StateSpace:
     if isinstance(system, control.TransferFunction):
         system = _realise_transfer_matrix(name, system)
     if not isinstance(system, control.StateSpace):
-        # a model or a fit, where the plant alone is wanted
+        # a model or a fit, where a plant is needed
         parts = [part for part in ("nominal", "G") if isinstance(getattr(system, part, None), control.StateSpace)]
         cure = f" Give its {parts[-1]}." if parts else ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
     return _require_complete(name, system)
 
 
-#: Poles that lie nearer, relative to their size, are summed together, as one of multiplicity 4 scatters by 1e-4. Where
-#: the response shows that this was too near, all within a decade are, then all.
+#: Poles closer than this, relative to their size, are summed together: poles of multiplicity 4 scatter by 1e-4. If the
+#: response shows that this was too close, all poles within a decade are summed together, and then all poles.
 _LINKED_POLES = (1e-2, 0.9, np.inf)
 _LARGEST_RESPONSE_ERROR = 1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
 
 
 def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:
-    """Return a minimal state space of a matrix of transfer functions, or a refusal where it hides an unstable mode.
+    """Return a minimal state space of a matrix of transfer functions; refuse one that hides an unstable mode.
 
-    Modes that entries have in common are one mode. An unstable one that cancels within an entry would be lost.
+    Modes that entries share are one mode. An unstable mode that cancels within an entry would be lost.
     """
     shape = system.noutputs, system.ninputs
     fractions = [
@@ -93,7 +93,7 @@ def _split_at_zero(
 ) -> list[tuple[control.StateSpace, np.ndarray]]:
     """Return the parts of num / den with poles at zero and elsewhere, in time times `speed`, and their numerators.
 
-    The polynomials tell exactly which poles are zero: n/(s^k d) = h/s^k + (n - h d)/(s^k d), h the series of n/d.
+    The polynomials show exactly which poles are zero: n/(s^k d) = h/s^k + (n - h d)/(s^k d), h the series of n/d.
     """
     order = den.size - 1
     num, den = (one * speed ** (np.arange(one.size)[::-1] - float(order)) for one in (num, den))
@@ -106,7 +106,7 @@ def _split_at_zero(
 
 
 def _gain_matrix(name: str, gain: object) -> np.ndarray:
-    """Return a constant gain as a matrix, or a refusal."""
+    """Return a constant gain as a matrix, or refuse it."""
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
     except (TypeError, ValueError):
@@ -114,10 +114,10 @@ def _gain_matrix(name: str, gain: object) -> np.ndarray:
 
 
 def state_space(name: str, system: object) -> control.StateSpace:
-    """Return the system as a single-input single-output state space with its own states kept, or a refusal.
+    """Return the system as a single-input single-output state space with all its states, or refuse it.
 
-    Transfer functions are realised without cancelling anything: a mode that hides in G K must stay visible to
-    the stability check. A number becomes a constant gain.
+    Transfer functions are realised without cancellation, so that the stability check finds a mode that is hidden in
+    G K. A number becomes a constant gain.
     """
     if isinstance(system, (numbers.Real, np.ndarray)) and not isinstance(system, bool):
         gain = np.asarray(system, dtype=float)
@@ -139,12 +139,12 @@ def state_space(name: str, system: object) -> control.StateSpace:
 
 
 def _controller_hint(thing: object) -> str:
-    """Return where the controller of a design is found, for a refusal of the design itself; else an empty string."""
+    """Return a hint for a message: a design has its controller in the field K; else an empty string."""
     return "; its controller is its field K" if isinstance(getattr(thing, "K", None), control.StateSpace) else ""
 
 
 def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]:
-    """The loops of a controller of several channels without coupling, each with the states it uses; else a refusal."""
+    """Return the loops of a controller without coupling, each with the states it uses; refuse a coupled one."""
     if K.ninputs != K.noutputs:
         raise ValueError(f"{name} must have as many inputs as outputs, got {K.ninputs} and {K.noutputs}")
     parts = {(j, i): reachable_entry(K, j, i) for j in range(K.noutputs) for i in range(K.ninputs)}
@@ -158,12 +158,12 @@ def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]
 
 
 def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
-    """Entry (j, i) with the states that its input reaches and its output sees."""
+    """Return entry (j, i) with the states that its input reaches and its output sees."""
     return structurally_minimal((K.A, K.B[:, [i]], K.C[[j]], K.D[[j]][:, [i]]), K.dt)
 
 
 def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateSpace:
-    """Return the states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
+    """Return the system with the states that inputs reach and outputs see, by the zeros of A, B and C alone."""
     A, B, C, D = matrices
     links, reached, seen = A != 0, (B != 0).any(axis=1), (C != 0).any(axis=0)
     for _ in range(len(A)):
@@ -173,10 +173,10 @@ def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateS
 
 
 def _require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
-    """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
+    """Return a state space with a sampling time (unless it is a gain) and finite matrices, or refuse it."""
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
-    if system.dt is True:  # a gain that is discrete, at whatever rate: it fits any
+    if system.dt is True:  # a discrete gain without a rate: it fits any
         names = {"inputs": system.input_labels, "outputs": system.output_labels}
         system = control.StateSpace(system.A, system.B, system.C, system.D, None, **names)
     for matrix in (system.A, system.B, system.C, system.D):
@@ -186,7 +186,7 @@ def _require_complete(name: str, system: control.StateSpace) -> control.StateSpa
 
 
 def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpace:
-    """Return a weight that takes n signals: one of a single input and output stands for the same on each of them."""
+    """Return a weight for n signals; a weight with a single input and output is repeated on each of them."""
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
         return block_diagonal([weight] * n, weight.dt)
@@ -196,7 +196,7 @@ def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpac
 
 
 def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float | None) -> control.StateSpace:
-    """Controllable canonical form in scaled time, balanced, so that coefficients over many decades survive."""
+    """Return the controllable canonical form in scaled time, balanced, for coefficients over many decades."""
     num, den = np.trim_zeros(np.asarray(num, float), "f"), np.trim_zeros(np.asarray(den, float), "f")
     if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
         raise ValueError(f"{name} must have finite coefficients and a denominator, got {num} over {den}")
@@ -208,7 +208,7 @@ def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float |
     D = np.array([[num[0]]])
     if n == 0:
         return control.StateSpace([], [], [], D, dt)
-    # scale = geometric mean of the roots that are not zero: the polynomial in s / scale has coefficients near one
+    # scale = geometric mean of the nonzero roots: the polynomial in s / scale has coefficients near one
     last = np.flatnonzero(den)[-1]
     scale = abs(den[last]) ** (1 / last) if last else 1.0
     powers = scale ** -np.arange(1.0, n + 1)
@@ -218,16 +218,16 @@ def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float |
     B = np.zeros((n, 1))
     B[0, 0] = 1.0
     A, B, C = scale_states(A, B, head[None, :])
-    _, unit = np.frexp(np.abs(C).max())  # of numbers that can still be squared, exactly as without it
+    _, unit = np.frexp(np.abs(C).max())  # scaled exactly, so that the squares of the numbers do not overflow
     level = np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B)) if np.any(C) else 1.0
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
 
 def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
-    """gain prod (s - zeros) / prod (s - poles), realised as a chain of sections without forming polynomials.
+    """Return gain prod (s - zeros) / prod (s - poles), as a chain of sections without polynomials.
 
     Both sets are closed under conjugation, with at most as many zeros as poles. Slow poles of a discrete system
-    crowd around z = 1, where polynomial coefficients lose them and sections do not.
+    crowd around z = 1. Polynomial coefficients lose them there, sections do not.
     """
     zero_pairs, zero_rest = pair_roots(zeros)
     pole_pairs, pole_rest = pair_roots(poles)
@@ -245,9 +245,9 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
 
 
 def _balance_states(system: control.StateSpace) -> control.StateSpace:
-    """Scale the states by powers of two, which makes A, B and C alike in size: before polynomials are made of them.
+    """Scale the states by powers of two, so that A, B and C are alike in size, before polynomials are made from them.
 
-    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
+    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, from which `tf` of SLICOT returned nothing.
     """
     if not system.nstates or not (system.B.any() and system.C.any()):
         return system
@@ -262,7 +262,7 @@ def _balance_states(system: control.StateSpace) -> control.StateSpace:
 
 
 def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """Conjugate pairs, then pairs of real roots in order of size; and the real root that is left, if any."""
+    """Return conjugate pairs, then pairs of real roots in order of size; and the remaining real root, if any."""
     real, upper = _split_conjugates(roots, 1e-12)
     alone = list(real)
     pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
@@ -271,7 +271,7 @@ def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[compl
 
 
 def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
-    """One section with one or two poles and at most as many zeros, leading coefficients one."""
+    """Return one section with one or two poles and at most as many zeros, with leading coefficients of one."""
     if len(poles) == 1:
         p = poles[0].real
         if not zeros:
@@ -279,7 +279,7 @@ def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...]
         return control.StateSpace([[p]], [[1.0]], [[p - zeros[0].real]], [[1.0]], dt)
     p1, p2 = poles
     direct = 1.0 if len(zeros) == 2 else 0.0
-    # numerator = direct (s - p1)(s - p2) + slope (s - p2) + value, value being the numerator at p2
+    # numerator = direct (s - p1)(s - p2) + slope (s - p2) + value, with value the numerator at p2
     slope = {2: lambda: (p1 + p2 - sum(zeros)).real, 1: lambda: 1.0, 0: lambda: 0.0}[len(zeros)]()
     if p1.imag == 0:
         value = np.prod([p2 - z for z in zeros]).real if zeros else 1.0
@@ -297,7 +297,7 @@ def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...]
 
 
 def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> control.StateSpace:
-    """Return a stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
+    """Return a stable weight on n signals, continuous or with the sampling time of the loop, or refuse it."""
     w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
     if step and not is_constant(w) and abs(step - dt) > 1e-9 * step:
@@ -309,7 +309,7 @@ def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> contro
 
 
 def rightmost_pole(system: control.StateSpace) -> complex:
-    """Return the pole farthest out."""
+    """Return the pole farthest out in the unstable direction."""
     p = poles(system)
     return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
 
@@ -317,9 +317,9 @@ def rightmost_pole(system: control.StateSpace) -> complex:
 def frequency_response(
     name: str, plant: AnySystem, omega: np.ndarray, other: tuple[AnySystem, ...] = (), shape: tuple[int, int] = (1, 1)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `other`.
+    """Return frequencies and complex response of an FRF, or of a system on omega; refuse another clock than `other`.
 
-    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) of a shape of several channels.
+    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) for a shape with several channels.
     """
     if not isinstance(plant, control.FrequencyResponseData):
         plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
@@ -338,13 +338,13 @@ def frequency_response(
 
 
 def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
-    """Real roots, then pairs with the upper one first, exactly conjugate; real up to a relative tolerance."""
+    """Return real roots, then exactly conjugate pairs with the upper one first; real up to a relative tolerance."""
     real, upper = _split_conjugates(roots, tolerance)
     return np.concatenate([real + 0j, np.column_stack([upper, upper.conj()]).ravel()])
 
 
 def _split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the real roots of a real polynomial, in order of size, and the upper ones of its pairs."""
+    """Return the real roots of a real polynomial, in order of size, and the upper roots of its pairs."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= tolerance * np.abs(roots)
     return np.sort(roots[real].real), roots[~real & (roots.imag > 0)]

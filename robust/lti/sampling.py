@@ -1,4 +1,4 @@
-"""What a controller with a clock sees: plants behind hold and delay, and controllers made discrete."""
+"""Discrete systems for a controller with a clock: plants with hold and delay, and discrete controllers."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _ALLPASS_TOLERANCE = (
     1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
 )
 _DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
-_SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
+_SAMPLING_TOLERANCE = 1e-6  # relative difference up to which two sampling times are equal
 
 
 def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
-    """Return what a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
+    """Return a continuous plant with zero-order hold, computation delay and sampler as a discrete system, exactly.
 
-    The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
-    inside the sampling interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*,
-    3rd ed., 2.3).
+    Use this before a design or a check of a sampled controller. The delay [s] need not be a whole number of samples.
+    With delay = d dt + rest, the plant input changes inside the sampling interval from u[k-d-1] to u[k-d] (Åström &
+    Wittenmark, *Computer-Controlled Systems*, 3rd ed., 2.3).
 
     Parameters
     ----------
     system : control.StateSpace or TransferFunction
-        Continuous plant, of one or several inputs and outputs.
+        Continuous plant, with one or several inputs and outputs.
     dt : float
         Sampling time [s] of the controller.
     delay : float
@@ -39,12 +39,12 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     Returns
     -------
     control.StateSpace
-        Discrete, with the sampling time dt.
+        Discrete system with the sampling time dt.
 
     Raises
     ------
     ValueError
-        A system that is sampled already, a sampling time that is not positive, a negative delay.
+        A system that is sampled already, a sampling time that is not positive, or a negative delay.
 
     References
     ----------
@@ -104,7 +104,7 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
-    """Return the delay as a whole number of samples, or a refusal."""
+    """Return the delay as a whole number of samples, or refuse it."""
     whole = round(delay / dt)
     if abs(delay / dt - whole) > 1e-6:
         raise ValueError(
@@ -115,7 +115,7 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
 
 
 def delayed(system: control.StateSpace, delay: float, *, order: int = _DELAY_ORDER) -> control.StateSpace:
-    """Return the system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
+    """Return the system with a delay [s] at all inputs: z^-d in discrete time, otherwise Padé of that order."""
     if delay == 0:
         return system
     dt = timebase(system)
@@ -130,7 +130,7 @@ def delayed(system: control.StateSpace, delay: float, *, order: int = _DELAY_ORD
 
 
 def pade(delay: float, order: int) -> control.StateSpace:
-    """All-pass Padé approximation of exp(-s delay) of equal degrees, realised section by section.
+    """Return the all-pass Padé approximation of exp(-s delay) with equal degrees, realised section by section.
 
     Its poles are the roots of sum_k (2n-k)!/(k! (n-k)!) (s delay)^k; the zeros are their mirror images.
     """
@@ -149,10 +149,10 @@ def pade(delay: float, order: int) -> control.StateSpace:
 
 
 def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]:
-    """A continuous system of one input and output without a Padé approximation that is in it, and the delay [s] of it.
+    """Return a continuous single-loop system without the Padé approximation in it, and the delay [s] of the latter.
 
     The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles are those of the
-    approximation of its order; a system without one is returned as it is.
+    approximation of its order. A system without one is returned unchanged.
 
     >>> late = in_series(pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
     >>> G, delay = without_pade(late)
@@ -169,13 +169,13 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
         return system, 0.0
     kept = np.ones(z.size, bool)
     kept[np.argmin(distance[mirrored], axis=1)] = False
-    far = 1e3j * np.abs(p).max()  # far above every root both behave as gain/s^excess
+    far = 1e3j * np.abs(p).max()  # far above every root both systems are gain/s^excess
     gain = response(system, np.array([far.imag]))[0] * np.prod(far - p) / np.prod(far - z)
     return from_roots(z[kept], p[~mirrored], float(gain.real * (-1) ** n), 0.0), delay
 
 
 def _roots_match(some: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether each root has one of the other set beside it."""
+    """Return whether each root has one close to it in the other set."""
     distances = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
     return bool(
         distances.min(axis=1).max() < _ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size
@@ -183,26 +183,26 @@ def _roots_match(some: np.ndarray, other: np.ndarray) -> bool:
 
 
 def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
-    """A continuous controller for a sampling time, by the bilinear map (Tustin), exact at one frequency if asked.
+    """Return a discrete form of a continuous controller by the bilinear map (Tustin), exact at one frequency.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Continuous controller, of one or several inputs and outputs.
+        Continuous controller, with one or several inputs and outputs.
     dt : float
         Sampling time [s].
     prewarp : float
-        Frequency [rad/s] at which the response is kept exactly; 0 keeps it at zero frequency.
+        Frequency [rad/s] at which the response is exact; 0 makes it exact at zero frequency.
 
     Returns
     -------
     control.StateSpace
-        Discrete; check it with `check`, which adds hold and delay. Designing on `sampled` is better.
+        Discrete controller. Check it with `check`, which adds hold and delay. A design on `sampled` is better.
 
     Raises
     ------
     ValueError
-        A controller that is discrete already, a prewarp frequency beyond Nyquist, a pole at 2/dt.
+        A controller that is discrete already, a prewarp frequency beyond Nyquist, or a pole at 2/dt.
 
     References
     ----------
@@ -227,23 +227,23 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
 
 
 def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
-    """(W,) response of a zero-order hold of dt [s] followed by a sampler, sin(x)/x exp(-j x) with x = omega dt/2.
+    """Return (W,) response of a zero-order hold of dt [s] and a sampler, sin(x)/x exp(-j x) with x = omega dt/2.
 
-    Without what folds down from above the Nyquist frequency, which the line alone does not tell.
+    The aliases from above the Nyquist frequency are left out: the line alone does not determine them.
     """
     x = np.asarray(omega, dtype=float) * dt / 2
     return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
 
 
 def hold_correction(omega: np.ndarray, hold: str, *, fs: float, dt: float) -> np.ndarray:
-    """(W,) factor from an FRF that was measured with one hold to that of a model of sampling time dt (0: continuous).
+    """Return (W,) the factor from an FRF measured with one hold to a model of sampling time dt (0: continuous).
 
     Parameters
     ----------
     omega : (W,) ndarray
         Frequencies [rad/s].
     hold : str
-        Of the record: "zoh" (of 1/fs, in the FRF), "band-limited" (none), "unknown" (left as it is).
+        Hold of the record: "zoh" (of 1/fs, contained in the FRF), "band-limited" (none), "unknown" (no correction).
     fs : float
         Sampling frequency of the record [Hz].
     dt : float

@@ -1,4 +1,4 @@
-"""Whether a loop is stable, counted exactly: its poles beyond rounding, and what a delay does to them."""
+"""Stability of a loop: its poles beyond rounding, and the effect of a delay on them."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from robust.lti.norms import EPS, crossings
 
 @value(in_sentences=True)
 class StabilityResult:
-    """Whether a system is stable, and the pole that decides; its text is for people.
+    """Stability of a system, and the pole that decides it; its text is for people.
 
     Fields
     ------
     state : Stability
     pole : complex
-        The pole nearest to the stability boundary, or farthest beyond it; nan where none is named.
+        The pole nearest to the stability boundary, or farthest beyond it; nan if none is named.
     of_loop : bool
-        Whether it is a pole of the nominal loop, of which the text then speaks.
+        True for a pole of the nominal loop; the text then names the loop.
     without_delay : bool
-        Whether it is a pole of the loop without its delay.
+        True for a pole of the loop without its delay.
     at_boundary : bool
-        Whether exact arithmetic found it on the boundary or beyond it, where rounding could not tell.
+        True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to decide.
     n_unstable : float
-        Unstable poles of a loop with its delay, where those were counted; nan elsewhere.
+        Number of unstable poles of a loop with its delay, if they were counted; else nan.
     """
 
     state: Stability
@@ -44,16 +44,16 @@ class StabilityResult:
 
     @property
     def stable(self) -> bool:
-        """Whether every pole is strictly stable, beyond doubt."""
+        """True if every pole is certainly strictly stable."""
         return self.state is Stability.STABLE
 
     @property
     def unstable(self) -> bool:
-        """Whether a pole is surely not stable."""
+        """True if a pole is certainly not stable."""
         return self.state is Stability.UNSTABLE
 
     def __bool__(self) -> bool:
-        raise TypeError("a StabilityResult is neither true nor false: ask for .stable or .unstable")
+        raise TypeError("a StabilityResult is neither true nor false: use .stable or .unstable")
 
     def __str__(self) -> str:
         if self.stable:
@@ -74,9 +74,9 @@ class StabilityResult:
 
 
 def delay_pole_count(L: control.StateSpace, delay: float) -> float:
-    """How many poles of 1 + L exp(-s delay) the delay [s] moves out of the left half plane, less those it moves in.
+    """Return the number of poles of 1 + L exp(-s delay) that the delay [s] moves out of the left half plane, net.
 
-    inf where |L| > 1 at infinite frequency, nan where rounding decides.
+    inf if |L| > 1 at infinite frequency, nan if rounding decides.
 
     >>> L = control.ss(control.tf([5], [1, 1]))
     >>> delay_pole_count(L, 0.36), delay_pole_count(L, 0.37)
@@ -106,7 +106,7 @@ def delay_pole_count(L: control.StateSpace, delay: float) -> float:
 
 
 def _merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
-    """Intervals in which the crossings lie, those that overlap put together."""
+    """Return intervals that contain the crossings, with overlapping ones merged."""
     out: list[tuple[float, float]] = []
     for k in np.argsort(omega - moved):
         low, high = max(0.0, float(omega[k] - moved[k])), float(omega[k] + moved[k])
@@ -118,14 +118,14 @@ def _merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, 
 
 
 def poles_with_rounding(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Poles, hidden modes included, and how far rounding may have moved each."""
+    """Return the poles with hidden modes, and the possible shift of each by rounding."""
     return eigenvalues_with_rounding(system.A)
 
 
 def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the eigenvalues of a real matrix, and how far rounding may have moved each.
+    """Return the eigenvalues of a real matrix, and the possible shift of each by rounding.
 
-    States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
+    States without a path back to themselves (a weight outside the loop) are treated separately: their poles are exact.
     """
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
     for part in connected_components(matrix):
@@ -139,16 +139,16 @@ def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def connected_components(A: np.ndarray) -> list[np.ndarray]:
-    """Return the states of each part of a system all of whose states act on each other, on whatever ways."""
+    """Return the states of each part of a system whose states all act on each other, directly or not."""
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
-    for _ in range(len(A).bit_length()):  # ways of twice the length each time
+    for _ in range(len(A).bit_length()):  # paths of twice the length each time
         reach = (reach @ reach > 0).astype(np.float32)
     first = np.argmax(reach * reach.T, axis=1) if len(A) else np.zeros(0, int)
     return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
 def assess_stability(system: control.StateSpace) -> StabilityResult:
-    """Return whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
+    """Return whether every pole is stable beyond rounding, one is unstable, or rounding leaves it undecided."""
     poles, moved = poles_with_rounding(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):
@@ -158,19 +158,18 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
     return StabilityResult(state=state, pole=complex(poles[worst]))
 
 
-# ---- How often 1 + L winds about zero, counted on the lines of an FRF.
+# ---- The winding number of 1 + L about zero, counted on the lines of an FRF.
 
-#: Phase that a plant may turn from line to line where |L| is above the second number.
+#: Largest phase step of a plant from line to line where |L| is above the second number.
 LARGEST_JUMP, _SMALL_LOOP = 2 * np.pi / 3, 0.01
 
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
-    """Poles of the controller strictly outside the stability region; those on the boundary are integrators."""
+    """Return the number of poles of the controller strictly outside the stability region, without integrators."""
     return int(unstable_pole_values(K, dt).size)
 
 
 def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
-    """Return the poles themselves."""
     p = poles(K)
     return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
@@ -178,9 +177,9 @@ def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
 def winding_number(
     omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading] = ()
 ) -> tuple[int, bool]:
-    """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether lines and readings decide it.
+    """Return unstable open-loop minus closed-loop poles from 1 + G K, and whether lines and readings determine it.
 
-    readings: of the plant below its first line, the likeliest first; those of the FRF without a bound if not given.
+    readings : of the plant below its first line, the likeliest first; by default those of the FRF without a bound.
     """
     turns, clear = windings(omega, G, K=K, dt=dt, readings=readings or read_below(omega, G))
     return turns[0], clear and len(set(turns)) == 1
@@ -189,17 +188,17 @@ def winding_number(
 def windings(
     omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading]
 ) -> tuple[tuple[int, ...], bool]:
-    """Return the winding number of every reading of a plant below its first line, and whether the lines resolve it."""
+    """Return the winding number of every reading of a plant below its first line; and True if the lines resolve it."""
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > _SMALL_LOOP
     trusted = not np.any(jump & (large[1:] | large[:-1])) and _passes_clear_of_minus_one(L)
-    # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
+    # a loop above one at its last line may cross -1 beyond it, unless that line is at Nyquist
     trusted &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
     trusted &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
     beyond = controller_mode_lines(
         K, (omega[-1], np.pi / dt if dt else np.inf)
-    )  # where the plant is no larger than at the end
+    )  # where the plant is at most as large as at the end
     trusted &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
     whole = np.concatenate([readings[0].omega, omega])
     at = np.union1d(whole, controller_mode_lines(K, (whole[0], whole[-1])))
@@ -214,10 +213,10 @@ def windings(
 
 
 def _passes_clear_of_minus_one(L: np.ndarray) -> bool:
-    """Whether L passes -1 on a side that two lines leave no doubt about, wherever it crosses the negative real axis.
+    """Return whether L passes -1 on a side that the lines determine, at every crossing of the negative real axis.
 
-    A mode between two lines takes L along an arc: where the phase falls by d it may reach |L|/cos(d/2) on the way,
-    where it rises (an anti-resonance) it may come down to |L| cos(d/2).
+    A mode between two lines takes L along an arc. If the phase falls by d, |L| may reach |L|/cos(d/2) on the way; if it
+    rises (an anti-resonance), |L| may come down to |L| cos(d/2).
     """
     turn = np.angle(L[1:] / L[:-1])
     before = np.angle(-L[:-1])
@@ -230,11 +229,11 @@ def _passes_clear_of_minus_one(L: np.ndarray) -> bool:
 
 
 def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """(...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and whether whole.
+    """Return (...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and if whole.
 
-    The phase of F turns by pi for each unstable pole that is stabilised, and by pi/2 more for each of the n
-    integrators of L, taken as stable. It is followed from line to line; from the first line it is continued to the
-    axis on which the integrators let F begin, from the last one to the real axis.
+    The phase of F turns by pi for each unstable pole that is stabilised, and by another pi/2 for each of the n
+    integrators of L, which count as stable. It is followed from line to line. From the first line it is continued to
+    the axis on which F begins with the integrators, from the last one to the real axis.
     """
     steps = np.angle(F[..., 1:] / F[..., :-1])
     start = F[..., 0] * np.exp(1j * n * np.pi / 2)
@@ -247,13 +246,13 @@ def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def integrator_poles(system: control.StateSpace, dt: float) -> int:
-    """Poles at zero frequency."""
+    """Return the number of poles at zero frequency."""
     p = poles(system)
     return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
 
 
 def _is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
-    """Return whether the polygon through the lines stays further from zero than the curve may bulge between them.
+    """Return whether the polygon through the lines is farther from zero than the curve may bulge between them.
 
     The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.
     """

@@ -1,9 +1,9 @@
-"""Model reduction by balanced truncation: of a system itself, seen through weights, or of its coprime factors.
+"""Model reduction by balanced truncation: of a system itself, with weights, or of its coprime factors.
 
-Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the states of the
-smallest entries go. Truncated: they are left out, exact at high frequencies. Residualised: they are taken as settled,
-exact at zero frequency, so that integral action of the factors stays. Modes that are not stable are kept as they are
-(Moore 1981; Enns 1984 for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
+Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the states with the
+smallest entries are removed. Truncation leaves them out, and is exact at high frequencies. Residualisation takes them
+as settled, and is exact at zero frequency, so integral action of the factors is kept. Modes that are not stable are
+kept as they are (Moore 1981; Enns 1984 for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 
 from robust.lti.lti import Matrices
 
-_AXIS_TOLERANCE = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
+_AXIS_TOLERANCE = 1e-9  # of the size of A: modes closer to the axis are kept as they are
 
 
 def _split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Return (A, B, C) of the modes that are kept, those not strictly stable, and of the others."""
+    """Return (A, B, C) of the modes that are kept because they are not strictly stable, and of the others."""
     n, size = A.shape[0], _AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
     T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
@@ -32,7 +32,7 @@ def _split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.
 
 
 def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """(way, order, system) for every order: of the strictly stable part of a system, with the rest added."""
+    """Yield (way, order, system) for every order: the strictly stable part is reduced, the rest is added."""
     A, B, C, D = K
     kept, (A, B, C) = _split_modes(A, B, C)
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)
@@ -41,7 +41,7 @@ def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
 
 
 def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """Return reductions K_r of each order, for a small norm of behind (K - K_r) before with stable weights (Enns)."""
+    """Yield reductions K_r of each order, for a small norm of behind (K - K_r) before with stable weights (Enns)."""
     A, B, C, D = K
     kept, (A, B, C) = _split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
@@ -55,7 +55,7 @@ def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iter
 
 
 def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """Return reductions of K of each order by truncating its normalised left coprime factors, unstable modes too."""
+    """Yield reductions of K of each order by truncating its normalised left coprime factors, unstable modes too."""
     A, B, C, D = K
     R, S = np.eye(D.shape[0]) + D @ D.T, np.eye(D.shape[1]) + D.T @ D
     drift = A - B @ np.linalg.solve(S, D.T @ C)
@@ -75,11 +75,11 @@ def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]
 
 
 def _truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
-    """Every smaller order, truncated and residualised, from the Gramians of a system (square root, Tombs 1987)."""
+    """Yield every smaller order, truncated and residualised, from Gramians of a system (square root, Tombs 1987)."""
     A, B, C, D = system
     Lc, Lo = gramian_root(P), gramian_root(Q)
     U, sizes, V = np.linalg.svd(Lo.T @ Lc)
-    n = int(np.sum(sizes > 1e-12 * sizes.max(initial=0.0)))  # what neither drives nor shows is left out exactly
+    n = int(np.sum(sizes > 1e-12 * sizes.max(initial=0.0)))  # undriven and unseen states are removed exactly
     scale = np.sqrt(sizes[:n])
     forth, back = (U[:, :n] / scale).T @ Lo.T, Lc @ V[:n].T / scale
     A, B, C = forth @ A @ back, forth @ B, C @ back
@@ -95,12 +95,11 @@ def _truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tup
 
 
 def gramian_root(gramian: np.ndarray) -> np.ndarray:
-    """L with L L' the positive part of a Gramian."""
+    """Return L with L L' the positive part of a Gramian."""
     values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
-    """Return the sum of the modes that were kept and a reduced part."""
     A, B, C, D = small
     return block_diag(kept[0], A), np.vstack([kept[1], B]), np.hstack([kept[2], C]), D

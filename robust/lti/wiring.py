@@ -1,4 +1,4 @@
-"""Systems joined by the names of their signals, with what is tuned or known on lines left out as ports."""
+"""Systems joined by the names of their signals, with ports for parts that are tuned or known on lines."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal
 from robust.lti.lti import is_clockless, timebase
 
-#: Determinant of I - D K from which on an algebraic loop has a solution.
+#: Least determinant of I - D K for an algebraic loop with a solution.
 _WELL_POSED = 1e-9
 
 
 @value
 class Port:
-    """What will be put into a wiring later: the signals that it reads and those that it drives."""
+    """A place in a wiring for a later part: the signals that the part reads, and those that it drives."""
 
     reads: tuple[str, ...]
     drives: tuple[str, ...]
@@ -29,13 +29,14 @@ def join_by_name(
 ) -> control.StateSpace:
     """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
 
-    From (external inputs, what the ports drive) to (signals looked at, what the ports read). A signal that is looked at
-    is the sum of all outputs of its name, without the external input of that name, as in `control.interconnect`.
+    The result is from (external inputs, signals that the ports drive) to (signals in `looked_at`, signals that the
+    ports read). A signal in `looked_at` is the sum of all outputs of its name, without the external input of that
+    name, as in `control.interconnect`.
 
     Raises
     ------
     ValueError
-        A signal nobody has, an input of a port that nobody drives, sampling times that differ, an algebraic loop
+        An unknown signal, an input of a port that no output drives, sampling times that differ, or an algebraic loop
         among the fixed parts that has no solution.
     """
     dt = shared_timebase(parts)
@@ -55,7 +56,7 @@ def join_by_name(
             "systems must leave every loop among them well posed, got an algebraic loop of gain one. Break it with a "
             "delay, or leave out the part that closes it"
         )
-    # inputs i = inside o + drive v, outputs o = C x + D i, of v the external inputs and what the ports drive
+    # inputs i = inside o + drive v, outputs o = C x + D i, with v the external inputs and the outputs of the ports
     drive = np.hstack([into_parts, parts_from_ports])
     o_x, o_v = np.linalg.solve(around, G.C), np.linalg.solve(around, G.D @ drive)
     sense = np.vstack([seen_parts, ports_from_parts])
@@ -68,7 +69,7 @@ def join_by_name(
 
 
 def is_well_posed(around: np.ndarray) -> bool:
-    """Return whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
+    """Return whether I - D K can be inverted, by its determinant, which does not depend on units of the signals."""
     return bool(abs(np.linalg.det(around)) > _WELL_POSED)
 
 
@@ -81,7 +82,6 @@ def _require_signals(
     external: Sequence[str],
     looked_at: Sequence[str],
 ) -> None:
-    """Refuse signals that nobody has."""
     inputs, outputs = {*part_in, *port_in}, {*part_out, *port_out}
     for label in external:
         if label not in inputs:
@@ -97,18 +97,18 @@ def _require_signals(
         if label not in outputs and label not in external and label not in part_in:
             raise ValueError(
                 f"reads must name outputs of the systems, plant and blocks, or external inputs, got {label!r}, "
-                "which nobody drives"
+                "which no output drives"
             )
     for label in port_out:
         if label not in inputs and label not in looked_at:
             raise ValueError(
                 f"drives must name inputs of the systems, plant and blocks, or outputs of a limit, got {label!r}, "
-                "which nobody reads"
+                "which no input reads"
             )
 
 
 def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
-    """Return the sampling time [s] of all parts that have one, or a refusal."""
+    """Return the sampling time [s] of all parts that have one; refuse two that differ."""
     steps = sorted({timebase(part) for part in parts if not is_clockless(part)})
     if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
         raise ValueError(
@@ -118,6 +118,6 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
 
 
 def _same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Return ones where the names agree."""
+    """Return a matrix with ones where the names agree."""
     ones = [[float(row == column) for column in columns] for row in rows]
     return np.array(ones).reshape(len(rows), len(columns))
