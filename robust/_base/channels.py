@@ -9,7 +9,7 @@ import control
 from nlfrf import Bla
 from nlfrf._base.arguments import short_form
 
-_HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
+_HINT_FOR_FRF = "; nlfrf.bla_from_frf makes one from another FRF, by its std or coherence"
 
 
 def is_single(thing: object) -> TypeGuard[Bla]:

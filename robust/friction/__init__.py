@@ -6,7 +6,7 @@ nominal    machines of a nominal model, damped and undamped
 passivity  every passive friction: the damping that a loop leaves at its friction port
 plant      a machine with friction and its sampled loop; bounded motion
 proof      proofs that a loop comes to rest, for every friction of a class
-reading    machine and friction, read from what was measured
+reading    machine and friction, estimated from measurements
 units      units of an axis that moves or turns
 """
 

@@ -111,7 +111,7 @@ def certify_by_intervals(
         response = np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) / units
         found = upper_bound(response, blocks, target=1.0)
         if not found.value[0] < 1:
-            there = f"at {format_hertz(omega)} the value there is {found.value[0]:.6g}"
+            there = f"at {format_hertz(omega)} it is {found.value[0]:.6g}"
             return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
         pieces = cut_by_scaling(H, s, found, units=units, x=x, band=(low, high))
         if isinstance(pieces, str):

@@ -73,7 +73,7 @@ def certify_intervals(
             done.append((low, piece))
             continue
         if reached >= 1:
-            there = f"at {format_hertz(where)} the value there is {reached:.6g}"
+            there = f"at {format_hertz(where)} it is {reached:.6g}"
             return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
         start, end = (format_hertz(search.omega_of(x)) for x in (low, high))
         if len(done) + len(waiting) >= most or search.is_narrow(low, high):

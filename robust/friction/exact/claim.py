@@ -169,21 +169,23 @@ class FrictionClaim:
         size = 2 + len(self.other_ports)
         if (self.machine.D.shape, self.controller.D.shape) != ((size, size), (1, 1)):
             raise ValueError(
-                "machine must have an input and an output more than friction ports and the controller one, got other "
-                "shapes"
+                "machine must have one input and one output more than friction ports, and controller one of each, got "
+                "other shapes"
             )
         if self.other_ports and (self.kind != _KINDS[0] or self.actuator is not None):
-            raise ValueError("other_ports must be empty but for Maxwell slip without an actuator, got some")
+            raise ValueError("other_ports must be empty except for Maxwell slip without an actuator, got some")
         n = self.V.shape[0]
         if (self.V.shape, self.P.shape) != ((n, n), (*self.P.shape[:2], n, n)):
             raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
         for port in self.ports:
             if port.rates.shape != port.weights.shape or port.rates.ndim != 1:
-                raise ValueError(f"weights must be one a rate, got {port.weights.shape} for {port.rates.shape}")
+                raise ValueError(
+                    f"weights must have one entry for each rate, got {port.weights.shape} for {port.rates.shape}"
+                )
         for part in filter(None, (self, self.actuator, self.settling, *self.other_ports)):
             for name, number in vars(part).items():
                 if isinstance(number, float | np.ndarray) and not np.isfinite(number).all():
-                    raise ValueError(f"{name} must be finite, got something else")
+                    raise ValueError(f"{name} must be finite, got nan or inf")
         if self.actuator is not None and self.actuator.forgets.shape != self.actuator.weights.shape:
             raise ValueError("actuator must have a weight for each filter, got another number")
         if self.settling is not None:

@@ -408,7 +408,7 @@ def _check_decrease(
             ):
                 return {_PARTS[1]: "it does not"}
             if time.monotonic() > deadline:
-                return {_PARTS[1]: "undecided, as time was up"}
+                return {_PARTS[1]: "undecided: the time limit was reached"}
     for i, jump in enumerate(form.jumps):
         before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
         if not positive_definite(_jump_inequality(form, i, before=before, after=after, jump=jump)):

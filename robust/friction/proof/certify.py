@@ -72,7 +72,7 @@ def certify_friction(
     wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
     if wrong:
         return _FrictionCertificate(wrong)
-    reason = "no weights of the filters make every frequency dissipate"
+    reason = "no multiplier weights make the loop dissipate at every frequency"
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     for rates in filter_rates(reference, fastest):
         mu = weights_of_ports(response, omega, rates=rates, K0=K0, rho=rho, balanced=balanced)
@@ -89,7 +89,7 @@ def _certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float
     known = {"K0": friction.K0, "microdamping": friction.microdamping}
     omega = loop_frequencies(loop, _N_POINTS)
     response = mobility(loop, omega)
-    reason = "no weights make every frequency dissipate"
+    reason = "no multiplier weights make the loop dissipate at every frequency"
     for rates in filter_rates(reference, np.inf)[:2]:
         table = bristle_terms(response, omega, rates=rates, **known)
         weights = bristle_multipliers(table, rates, friction.stiction)

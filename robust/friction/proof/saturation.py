@@ -346,7 +346,7 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
     if left <= 0:
         return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit")
     if not machine.velocity @ machine.B_port > 0:
-        return nothing(FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once")
+        return nothing(FrictionVerdict.NOT_DECIDED, "a force at the friction port does not change the velocity at once")
     kick, share, certificate, reach = 0.0, 0.0, plain.certificate, None
     try:
         linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy

@@ -71,7 +71,7 @@ _SLIDES_AFTER = 6.0
 #: 26 others no contradiction was found. Of 16 axes whose friction grew by 30 % it was found on 13: the levels of the
 #: others ended at speeds at which stiction had not fallen.
 _FEWEST_SAMPLES, _FEWEST_SLIDES, _SLIDE_ERROR = 300, 5, 0.05
-_HOLDS_BOTH = "The break-away force holds both. "
+_HOLDS_BOTH = "The interval of the break-away force covers both. "
 #: Highest edge for the friction force, relative to the antiresonance of a load: below it motor and load move as one. Of
 #: 38 axes with a load the interval of the break-away force contained 34, 35 and 36 with 0.23, 0.35 and 0.45.
 _RIGID = 0.45

@@ -176,7 +176,7 @@ def _port_mass(machine: FrictionPlant) -> float:
 
 
 def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> _LevelFit:
-    """Fit the difference of one level from a machine, with and without a slipping element; test misfit and delay.
+    """Fit the part of one level that a machine does not explain, with and without a slipping element; test the fit.
 
     error : (W,) standard deviation of the response of the machine, relative to it.
     """
@@ -378,7 +378,7 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     )
     if not all(np.isfinite(bla.levels.excited).all() for bla in blas):
         raise ValueError(
-            "blas must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does "
+            "blas must contain the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does "
             "not: take BLAs that nlfrf.identify made of records"
         )
     units = mechanical_units(position_unit)
@@ -426,7 +426,7 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
 
 
 def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]:
-    """Fit the difference of every level from a machine; return the model with the delay of all levels, and the fits."""
+    """Fit the part of every level that a machine does not explain; return the model with its delay, and the fits."""
 
     def fitted(machine: FrictionPlant) -> list[_LevelFit]:
         return [fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)]
@@ -538,12 +538,12 @@ def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalU
         raise ValueError(
             f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
             f"{lowest.stiffness / 1e3:.4g} {units.stiffness} at the two lowest levels, "
-            f"{100 * difference / lost:.3g} % of what the friction adds, more than {100 * _STIFFNESS_AGREEMENT:g} %. "
+            f"{100 * difference / lost:.3g} % of the stiffness of the friction, more than {100 * _STIFFNESS_AGREEMENT:g} %. "
             "Measure at a lower level"
         )
     raise ValueError(
         f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
         f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so that "
-        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * _STIFFNESS_AGREEMENT:g} % of what "
-        "the friction adds. Measure at a third of the lowest level"
+        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * _STIFFNESS_AGREEMENT:g} % of the "
+        "stiffness of the friction. Measure at a third of the lowest level"
     )

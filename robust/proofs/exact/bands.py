@@ -37,7 +37,7 @@ from robust.proofs.exact.polynomials import (
 
 _END_ROUNDING = 1e-14  # relative, for an end of a band in doubles
 _SINGULAR = "the inequality is an equality at every frequency"
-_TIME_UP = "undecided, as time was up"
+_TIME_UP = "undecided: the time limit was reached"
 
 #: A system at one point and its adjoint there: X(s) and X(-s)', on the axis X and X*.
 Pair: TypeAlias = tuple[ExactMatrix, ExactMatrix]

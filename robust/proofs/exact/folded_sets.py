@@ -91,13 +91,13 @@ class FoldedPart:
     def __post_init__(self) -> None:
         n = len(self.left)
         if not n or len(self.sampled_left) != n or not self.right or len(self.sampled_right) != len(self.right):
-            raise ValueError("weights must be as many of the sampled set as of the continuous one")
+            raise ValueError("weights must be as many for the sampled set as for the continuous one")
         if any(w.D.shape != (1, 1) for w in (*self.left, *self.right, *self.sampled_left, *self.sampled_right)):
             raise ValueError("weights must have one input and one output")
         if (self.plant is None) != (self.sampled is None):
             raise ValueError("plant and sampled must be given together, got one of them")
         if any(G is not None and G.D.shape != (n, n) for G in (self.plant, self.sampled)):
-            raise ValueError(f"plant and sampled must be square, of {n} channels as the weights")
+            raise ValueError(f"plant and sampled must be square, with {n} channels as the weights")
 
 
 @value

@@ -152,11 +152,11 @@ class IntervalClaim:
         if not n:
             raise ValueError("system must have states for intervals of the frequency, got none")
         if self.cuts.shape != (len(self.pieces) - 1,) or not _is_increasing(self.cuts):
-            raise ValueError(f"cuts must be one less than pieces, positive and increasing, got {self.cuts}")
+            raise ValueError(f"cuts must be one fewer than pieces, positive and increasing, got {self.cuts}")
         wanted = [(self.stability, n), (self.T, n)]
         for piece in self.pieces:
             if len(piece.scalings) != len(sizes) or len(piece.skews) != len(sizes):
-                raise ValueError("scalings and skews must be one a block, got another number")
+                raise ValueError("scalings and skews must have one entry for each block, got another number")
             parts = [(piece.P, n), (piece.Q, n), *zip(piece.scalings, sizes, strict=True)]
             parts += zip(piece.skews, sizes, strict=True)
             wanted += [(M, size) for part, size in parts for M in (part.re, part.im)]

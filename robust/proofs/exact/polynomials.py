@@ -302,7 +302,7 @@ def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decisio
         if not todo:
             return proved()
         if time.thread_time() > deadline:
-            return undecided("undecided, as time was up")
+            return undecided("undecided: the time limit was reached")
         a, b = todo.pop()
         found = _bernstein_signs(
             _bernstein_coefficients(p, _to_exact_number(p, a), _to_exact_number(p, b))

@@ -176,7 +176,7 @@ def bisect_axis(
         if high - low <= _MIN_RELATIVE_WIDTH * high or high < _MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
-            return undecided(f"undecided after {count} intervals, as time was up")
+            return undecided(f"undecided after {count} intervals: the time limit was reached")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
     return undecided(f"undecided after {_MAX_INTERVALS} intervals")

@@ -106,7 +106,7 @@ class Certificate:
         """
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
-        reason = f"{self.judged}: no exact claim is kept of it" if self.holds else self.reason
+        reason = f"{self.judged}: its exact claim is not kept" if self.holds else self.reason
         return Verification(proved=(), failed=((self.subject, reason),))
 
 

@@ -40,7 +40,7 @@ def test_a_plant_of_the_set_that_may_be_unstable_has_no_bound():
 def test_without_a_proof_the_number_of_frequencies_is_said():
     model, K = draw_set(np.random.default_rng([1, 0]))
     system = performance_loop(model, K, None)
-    assert bound_set_gain(system.N, system.structure, time_cap=0.0).reason == "undecided, as time was up"
+    assert bound_set_gain(system.N, system.structure, time_cap=0.0).reason == "undecided: the time limit was reached"
     proved = set_gain(system.N, system.structure)
     assert proved.n_lines == 0
     assert proved.gain.max() == proved.peak.value == robust.check(model, K).margins.S_worst

@@ -72,7 +72,7 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
         (lambda: [level(80e3, 2.0), level(144e3, 0.1)], "at least three levels, from sticking to sliding, got 2"),
         (
             lambda: [level(80e3, 2.0), level(110e3, 0.2), level(144e3, 0.1)],
-            "it is 110 and 144 kN/m at the two lowest levels, 53.* % of what the friction adds, more than 20 %",
+            "it is 110 and 144 kN/m at the two lowest levels, 53.* % of the stiffness of the friction, more than 20 %",
         ),
         (lambda: [level(80e3, 2.0, seed=i) for i in range(3)], "blas must span from sticking to sliding"),
         (

@@ -83,6 +83,6 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
 def test_friction_needs_amplitudes_that_nobody_noted():
     G, std = measured(1)
     with pytest.raises(
-        ValueError, match=r"blas must know the amplitude of the output, .*take BLAs that nlfrf.identify"
+        ValueError, match=r"blas must contain the amplitude of the output, .*take BLAs that nlfrf.identify"
     ):
         robust.friction.friction_class([nlfrf.bla_from_frf(F, G, std=std)] * 3)

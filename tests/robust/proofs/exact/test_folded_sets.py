@@ -110,7 +110,7 @@ def test_the_certificate_of_a_check_carries_the_aliases(tmp_path):
         ({"plant": ONE}, "plant and sampled must be given together"),
         (
             {"plant": ONE, "sampled": to_matrices(control.ss([], [], [], np.ones((2, 2))))},
-            "must be square, of 1 channels",
+            "must be square, with 1 channels",
         ),
     ],
 )

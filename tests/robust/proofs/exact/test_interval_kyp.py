@@ -97,7 +97,7 @@ def test_what_is_changed_does_not_pass(proof):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda one: {"cuts": one.cuts[:-1]}, "cuts must be one less than pieces"),
+        (lambda one: {"cuts": one.cuts[:-1]}, "cuts must be one fewer than pieces"),
         (lambda one: {"cuts": -one.cuts}, "positive and increasing"),
         (lambda one: {"cuts": np.full(one.cuts.shape, np.nan)}, "positive and increasing"),
         (lambda one: {"T": np.eye(3)}, "pieces must hold finite matrices that fit"),

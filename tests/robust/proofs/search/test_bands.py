@@ -61,4 +61,4 @@ def test_a_system_of_ten_decades_and_one_without_a_gain():
 
 def test_time_that_is_up_says_so():
     found = bound_gain(light_modes(np.random.default_rng(0), 4)[0], time_cap=0.0)
-    assert (found.upper, found.reason) == (np.inf, "undecided, as time was up")
+    assert (found.upper, found.reason) == (np.inf, "undecided: the time limit was reached")
