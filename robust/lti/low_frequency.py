@@ -77,7 +77,7 @@ def read_below(
     """Return the readings of an FRF (W,) within its bound, the likeliest first.
 
     radius : of the discs around G, at 95 %. n_unstable : number of unstable poles of the plant, whose phase rises.
-    n_integrators : if it is known.
+    n_integrators : number of integrators, if it is known.
     """
     at, g, scatter = _average_lines(omega, G, radius)
     theta, C = _fit_phase_and_gain(at / omega[0], g, scatter, zeros=float(np.hypot(_ZEROS, _UNSTABLE * n_unstable)))

@@ -496,8 +496,8 @@ def _falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
 def _spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:
     """Return spring [N/m] and damper [Ns/m] closest to the friction force of a level, each with its deviation.
 
-    Then the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None if the motion is too
-    small, or if friction is more of a damper than a spring, as it is while it slides.
+    The last two numbers are the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None if
+    the motion is too small, or if friction is more of a damper than a spring, as it is while it slides.
     """
     motion = motion_of_record(record, 1)
     kept = motion.excited & (motion.omega < _rigid_edge(sliding))

@@ -538,8 +538,8 @@ def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalU
         raise ValueError(
             f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
             f"{lowest.stiffness / 1e3:.4g} {units.stiffness} at the two lowest levels, "
-            f"{100 * difference / lost:.3g} % of the stiffness of the friction, more than {100 * _STIFFNESS_AGREEMENT:g} %. "
-            "Measure at a lower level"
+            f"{100 * difference / lost:.3g} % of the stiffness of the friction, more than "
+            f"{100 * _STIFFNESS_AGREEMENT:g} %. Measure at a lower level"
         )
     raise ValueError(
         f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "

@@ -202,8 +202,8 @@ def _delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
 def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb, arb], Terms]:
     """Return the terms of a sampled loop on an interval of omega, by polynomials in u = sin^2(omega dt/2).
 
-    y = u/(1 - u). Delays of whole samples that are not in the plant are the exact phase of `samples`; as poles at zero
-    they would raise the degree of the polynomials.
+    y = u/(1 - u). A delay of `samples` whole samples that is not in the plant enters by its exact phase; as poles at
+    zero it would raise the degree of the polynomials.
     """
     dt = arb(axis.dt)
     G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, _part_in_sine)
