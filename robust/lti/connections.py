@@ -81,10 +81,7 @@ def closed_loop(
 ) -> Matrices:
     """Return the state space from the named inputs to the named outputs of the loop drawn above; each is a vector.
 
-    Raises
-    ------
-    ValueError
-        A controller of another shape, or a loop without a solution: direct terms with 1 + D_K D_G singular.
+    A controller of another shape, and a loop without a solution (1 + D_K D_G singular), raise a ValueError.
     """
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
@@ -214,10 +211,7 @@ def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) ->
 def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:
     """Return F_l(P, K): the last inputs and outputs of P closed through K, with all states.
 
-    Raises
-    ------
-    ValueError
-        A loop without a solution: I - D_K D_22 is singular.
+    A loop without a solution (I - D_K D_22 singular) raises a ValueError.
 
     >>> P = control.ss([], [], [], [[1.0, 2.0], [3.0, 0.5]])
     >>> float(lower_lft(P, control.ss([], [], [], [[1.0]])).D[0, 0])      # 1 + 2 (1 - 0.5)^-1 3

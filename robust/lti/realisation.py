@@ -106,7 +106,6 @@ def _split_at_zero(
 
 
 def _gain_matrix(name: str, gain: object) -> np.ndarray:
-    """Return a constant gain as a matrix, or refuse it."""
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
     except (TypeError, ValueError):

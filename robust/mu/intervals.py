@@ -162,14 +162,12 @@ class _IntervalSearch:
         return float(2 / dt * np.arctan(x)) if dt else x
 
     def is_narrow(self, low: float, high: float) -> bool:
-        """Return whether an interval is too narrow to cut."""
         speeds = np.abs(self.poles)
         if np.isinf(high):
             return bool(low > speeds.max() / _NARROW)
         return bool(high - low <= _NARROW * low if low else high < _NARROW * speeds.min())
 
     def cut_between(self, low: float, high: float) -> float:
-        """Return the point at which an interval is cut."""
         if np.isinf(high):
             return 6 * low or float(np.exp(np.log(np.maximum(np.abs(self.poles), 1e-300)).mean()))
         return high / 6 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2

@@ -157,7 +157,6 @@ def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.n
 
 
 def conjugate_transpose(M: np.ndarray) -> np.ndarray:
-    """Return the conjugate transpose of every matrix."""
     return M.conj().swapaxes(-1, -2)
 
 

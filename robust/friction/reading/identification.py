@@ -120,12 +120,6 @@ class _OpenQuestion:
     description : str
         The number that shows it, and what to measure.
 
-    References
-    ----------
-    docs/guide/axis.md: the tests behind each.
-
-    Examples
-    --------
     >>> question = _OpenQuestion(kind=Gap.EQUAL_LEVELS, description="levels of 1, 1, 1 N rms count as 1")
     >>> print(question)
     levels of 1, 1, 1 N rms count as 1
