@@ -1,11 +1,11 @@
 """Measured records: samples cut into periods, excited lines, the period, the reference.
 
-direction      which of two signals was played, by what stands between their lines
-excited_lines  the lines that a signal excites, and the grid they make
-period         its period
+direction      which of two signals was played, found from their detection lines
+excited_lines  the excited lines of a signal, and their grid
+period         the period of a signal
 record         `Record`, checked when made: realisations, periods, channels
-reference      the design that was played, laid under what was measured
-samples        a record cut out of streams of samples
-screened       what screening finds, sample by sample, for a picture
+reference      the design that was played, aligned with the measured input
+samples        a record cut from streams of samples
+screened       the faults that screening finds, sample by sample, for a picture
 screening      screening of a record
 """

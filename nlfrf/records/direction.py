@@ -1,8 +1,9 @@
-"""Which of two signals was played and which answers to it, as their lines show.
+"""Find which of two signals was played and which is the response, from their lines.
 
-A machine adds distortion, noise and transients between the lines that are excited, and takes none of it away. So of two
-signals that repeat together the one whose detection lines are empty, where those of the other are not, was played.
-Where neither shows that, lines of one level were: what a machine makes of them has its resonances in it.
+A machine adds distortion, noise and transients between the excited lines, and removes none of them. If both signals are
+periodic and the detection lines of one are empty while those of the other are not, the first was played. If the
+detection lines do not decide, a signal whose excited lines have one level was played: the resonances of a machine make
+the levels of a response differ.
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ from nlfrf._base.numbers import has_equal_periods
 from nlfrf.records.excited_lines import SIGNIFICANCE, line_powers, lines_from_powers
 from nlfrf.signals.lines import LineGrid, detection_lines
 
-_EVEN, _MIN_UNEVEN = 0.5, 1.0  # dB: standard deviation of lines of one level at most, and of others at least
-_MIN_SPREAD_RATIO = 6.0  # of others to that of lines of one level
-_MAX_DIRT_RATIO = 0.1  # of what stands between the lines of the other signal: of one that was played
-_EMPTY, _FULL = 1e-6, 0.5  # of the power of the lines beside it: a detection line without power, and one like any other
-_MIN_LINES = 6  # below which lines are even, or those between them empty, by chance
-_MIN_ODD_LINES = 12  # lines that are odd by chance in one of 4096 signals
+_EVEN, _MIN_UNEVEN = 0.5, 1.0  # [dB] largest standard deviation of lines of one level; smallest one of other lines
+_MIN_SPREAD_RATIO = 6.0  # smallest ratio of the standard deviation of other lines to that of lines of one level
+_MAX_DIRT_RATIO = 0.1  # largest power between the lines of a played signal, over that of the other signal
+_EMPTY, _FULL = 1e-6, 0.5  # power over that of the neighbouring lines: of an empty detection line, of a usual line
+_MIN_LINES = 6  # fewer lines are of one level, or empty between them, by chance
+_MIN_ODD_LINES = 12  # all lines are odd by chance in one of 4096 signals
 
 
 class SignalLines(NamedTuple):
-    """The lines of a periodic signal, found in itself.
+    """The lines of a periodic signal, found in the signal itself.
 
-    Fields: (K,) power of the lines 1 to K, and its variance by noise; the grid; standard deviation of the excited lines
-    [dB]; share of the power inside the band that is in no excited line; whether its periods are equal.
+    Fields: (K,) power of the lines 1 to K; its variance by noise; the grid; standard deviation of the excited lines
+    [dB]; share of the in-band power that lies outside the excited lines; whether its periods are equal.
     """
 
     power: np.ndarray
@@ -38,7 +39,7 @@ class SignalLines(NamedTuple):
     is_exact: bool
 
     def emptiness(self, excited: np.ndarray) -> float:
-        """Return how large the detection lines of a grid are over the lines beside them, in the median; nan of few."""
+        """Return the median power of the detection lines over that of their neighbours; nan for few detection lines."""
         detection = detection_lines(excited) if excited.size else excited
         if detection.size < _MIN_LINES:
             return np.nan
@@ -47,21 +48,21 @@ class SignalLines(NamedTuple):
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing speaks against it as what was played: its lines are of one level, and those between empty."""
+        """Whether the signal may have been played: its lines have one level, and its detection lines are empty."""
         return bool(self.spread < _MIN_UNEVEN and not self.emptiness(self.grid.excited) > _EMPTY)
 
     @property
     def is_one_period(self) -> bool:
-        """Whether it is one period of an odd multisine: lines enough, all of them odd, and with no common divisor."""
+        """Whether the signal is one period of an odd multisine: enough lines, all odd, without a common divisor."""
         excited = self.grid.excited
         odd = excited.size >= _MIN_ODD_LINES and np.all(excited % 2) and np.gcd.reduce(excited) == 1
         return bool(odd and self.emptiness(excited) < _MAX_DIRT_RATIO)
 
 
 def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
-    """Return the lines of a signal (1, P, N); of few ones the spread and what is between them are infinite.
+    """Return the lines of a signal (1, P, N); None if no line stands out of its noise.
 
-    None where no line stands out of its noise.
+    For fewer than six lines `spread` and `dirt` are infinite.
     """
     try:
         power, noise = line_powers(periods)
@@ -70,7 +71,7 @@ def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
         return None
     is_exact = periods.shape[1] > 1 and has_equal_periods(periods)
     steps = np.abs(np.diff(periods[0, -1]))
-    quantum = float(steps.min(initial=np.inf, where=steps > 0))  # what is rounded repeats, and is noise all the same
+    quantum = float(steps.min(initial=np.inf, where=steps > 0))  # rounding errors repeat, and count as noise here
     noise = noise + quantum**2 * periods.shape[-1] / 12
     excited = grid.excited - 1
     if excited.size < _MIN_LINES:
@@ -81,12 +82,12 @@ def find_signal_lines(periods: np.ndarray) -> SignalLines | None:
 
 
 def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
-    """Return how much emptier the detection lines of one signal are than those of another; an empty text if not.
+    """Describe by how much the detection lines of one signal are emptier than those of another; empty text if not.
 
-    Those of the other have to stand out of its noise: a sensor with more noise is no machine.
+    The detection lines of the other signal must stand out of its noise: a noisy sensor is no machine.
     """
     excited = played.grid.excited
-    excited = excited[excited <= other.grid.excited[-1]]  # the band that both show
+    excited = excited[excited <= other.grid.excited[-1]]  # the common band
     if played.power.size != other.power.size:
         return ""
     clean, full = played.emptiness(excited), other.emptiness(excited)
@@ -101,14 +102,15 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
 
 
 def compare_levels(played: SignalLines, other: SignalLines) -> bool:
-    """Return whether the lines of one signal are of one level and those of the other are not."""
+    """Return whether the lines of one signal have one level and those of the other do not."""
     return played.spread < _EVEN and other.spread > max(_MIN_UNEVEN, _MIN_SPREAD_RATIO * played.spread)
 
 
 def describe_played(played: SignalLines | None, other: SignalLines | None) -> str:
-    """Return what shows that a signal was played that counts as an output, and not the other; an empty text if nothing.
+    """Describe the evidence that a supposed output was played and the other signal was not; empty text if none.
 
-    Even lines do so where they are clean as well: a machine may undo the shape that a multisine was given.
+    Lines of one level are evidence only if the detection lines are empty, too: a machine may undo the spectral shape of
+    a multisine.
     """
     if played is None:
         return ""

@@ -1,8 +1,7 @@
-"""Finding, in a measured input, the lines that were excited.
+"""Find the excited lines of a measured input.
 
-Real inputs are coloured, noisy, and carry energy on lines that were not meant to be excited (an amplifier or a
-current loop distorts). So a line is never compared with the largest of all lines, only with its own noise and
-with its neighbourhood.
+Measured inputs are coloured and noisy, and have power on lines that were not excited (an amplifier or a current loop
+distorts). So a line is compared with its own noise and its neighbours, never with the largest line.
 """
 
 from __future__ import annotations
@@ -13,29 +12,28 @@ from numpy.lib.stride_tricks import sliding_window_view
 from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, mean_power, rfft, squared_modulus, streams_equal
 from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 
-# ---- Regular grids among lines that the actuator itself distorts.
+# ---- Regular grids among lines that the actuator distorts.
 #
-# What an actuator adds to a multisine (saturation, dead zone, amplifier) scatters from line to line as noise does,
-# where
-# a designed spectrum is smooth. So lines that lie in step (every line, every odd one, 4k+1, 8k+1 with 8k+3) and are
-# smooth were played, and those that jump were not.
+# Distortion by an actuator (saturation, dead zone, amplifier) scatters from line to line as noise does; a designed
+# spectrum is smooth. So lines on a regular grid (every line, every odd one, 4k+1, 8k+1 with 8k+3) that are smooth were
+# played, and lines with a jumping level were not.
 
-_ROUGH_LEVEL = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
-_ACTUATOR_DROP = 6.0  # how far distortion stands under the lines beside it at least [dB]
-_MIN_SHARE = 0.75  # of the power that the lines played must hold
-_EDGE_LINES = 8  # lines in step that are looked at on either side of the end of the band
-_EXTENSION_LINES = 4 * _EDGE_LINES  # lines beyond it
-_MAX_SHARE = 0.95  # of the lines in step that must stand out of the noise
-_MIN_LINES = 12  # lines from which smooth is told from jumpy
+_ROUGH_LEVEL = 2.5  # [dB] median step from line to line: noise has 4.8, a spectrum distorted by 20 % has 1.6
+_ACTUATOR_DROP = 6.0  # [dB] smallest distance of distortion below the neighbouring lines
+_MIN_SHARE = 0.75  # smallest share of the power on the lines that were played
+_EDGE_LINES = 8  # grid lines that are compared on either side of the end of the band
+_EXTENSION_LINES = 4 * _EDGE_LINES  # lines beyond the band
+_MAX_SHARE = 0.95  # share of the grid lines that must stand out of the noise
+_MIN_LINES = 12  # fewest lines that separate a smooth level from a jumping one
 
 
 def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
-    """Return the lines found, or those of them that were played where the others are the actuator's distortion.
+    """Return the lines found, without those that are distortion of the actuator.
 
     Parameters
     ----------
     power : (K,) ndarray
-        Power of the lines 1 to K, as many beyond those found as tell where the band ends, or all.
+        Power of the lines 1 to K: all lines, or enough of them beyond those found to show the end of the band.
     found : (F,) int ndarray
         Lines that stand out of the noise.
     total : float
@@ -65,7 +63,7 @@ def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -
 
 
 def _regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
-    """Return the lines in step with a regular grid, from the first to the last one found; the sparse grids first."""
+    """Return the lines on each regular grid, from the first to the last line found; sparse grids first."""
     inside = np.arange(found[0], found[-1] + 1)
     special = [inside[np.isin((inside - shift) % 8, (1, 3))] for shift in (0, 2, 4, 6)]
     sparse = [inside[inside % 4 == k] for k in (1, 3)]
@@ -75,12 +73,12 @@ def _regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
 
 
 def _level_roughness(level: np.ndarray) -> float:
-    """Return how far a level jumps from line to line, in the median [dB]."""
+    """Return the median step of a level from line to line [dB]."""
     return float(np.median(np.abs(np.diff(level)))) if level.size > 1 else 0.0
 
 
 def _smooth_band(level: np.ndarray) -> tuple[int, int]:
-    """Return where the smooth stretch of a level begins and ends: its strongest line, and all that is joined to it."""
+    """Return begin and end of the smooth stretch of a level around its strongest line."""
     strongest = int(np.argmax(np.convolve(level, np.ones(5) / 5, "same")[2:-2])) + 2
     last = _band_edge(level[strongest:]) + strongest
     first = strongest + 1 - _band_edge(level[strongest::-1])
@@ -88,7 +86,7 @@ def _smooth_band(level: np.ndarray) -> tuple[int, int]:
 
 
 def _band_edge(level: np.ndarray) -> int:
-    """How many lines belong to the stretch that the first one begins: up to a fall after which the level jumps."""
+    """Return the number of lines in the first stretch, which ends at a fall after which the level jumps."""
     highest = np.full(level.size, -np.inf)  # of the lines before each
     for back in range(1, min(_EDGE_LINES, level.size - 1) + 1):
         np.maximum(highest[back:], level[:-back], out=highest[back:])
@@ -106,7 +104,7 @@ def _band_edge(level: np.ndarray) -> int:
 
 
 def _stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether other lines stand clearly under the nearest played ones, nearly all of them."""
+    """Return whether nearly all other lines are clearly below the nearest played lines."""
     if others.size == 0:
         return True
     nearest = played[np.clip(np.searchsorted(played, others), 0, played.size - 1)]
@@ -118,27 +116,27 @@ def _stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bo
 
 
 def grid_level_jump(power: np.ndarray, grid: LineGrid) -> float:
-    """How far the level of a grid found in the powers (K,) of the lines 1 to K jumps [dB]; 0 where it is smooth."""
+    """Return the median step [dB] of the level of a grid, from the powers (K,) of the lines 1 to K; 0 if smooth."""
     if grid.excited.size < _MIN_LINES:
         return 0.0
     jump = _level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
     return jump if jump > _ROUGH_LEVEL else 0.0
 
 
-_MAX_STEP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
-_ENVELOPE_DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
-_MIN_CARRIED_SHARE = 0.5  # share of the input's power that its lines carry at least
-_NEGLIGIBLE_POWER = 1e-4  # power under the median of all lines from which a line is looked at again
-SIGNIFICANCE = 20.0  # power over the variance by noise that an excited line needs at least
+_MAX_STEP = 15.0  # [dB] largest distance of an excited line below its excited neighbours
+_ENVELOPE_DECAY = 1.25  # [dB per line] fastest fall of the envelope of the neighbourhood
+_MIN_CARRIED_SHARE = 0.5  # smallest share of the power of the input on its lines
+_NEGLIGIBLE_POWER = 1e-4  # a line below this share of the median power is tested again
+SIGNIFICANCE = 20.0  # smallest power of an excited line over its variance by noise
 
 
 def detect_lines(u: np.ndarray) -> LineGrid:
-    """Return the lines on which a periodic input was excited.
+    """Return the lines that excite a periodic input.
 
     Parameters
     ----------
     u : (M, P, N) ndarray
-        Input: realisations of one grid x periods x samples.
+        Input: realisations with one grid x periods x samples.
 
     Raises
     ------
@@ -149,7 +147,7 @@ def detect_lines(u: np.ndarray) -> LineGrid:
 
 
 def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (K,) power of the mean over periods, of all lines but mean and Nyquist, and its variance by noise."""
+    """Return (K,) power of the mean over periods, for all lines but mean and Nyquist, and its variance by noise."""
     n_periods = u.shape[1]
     inside = slice(1, (u.shape[2] + 1) // 2)
     if u.shape[2] > BLOCK_ENTRIES and n_periods > 1:
@@ -163,7 +161,7 @@ def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return `line_powers` of long periods u (P, N), by the means of every other one: two transforms in all."""
+    """Return `line_powers` for long periods u (P, N) from the means of even and odd periods: two transforms in all."""
     n = len(u)
     if all(streams_equal(u[0], one) for one in u[1:]):
         power = squared_modulus(rfft(u[0]))
@@ -178,7 +176,7 @@ def _line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
-    """`detect_lines` by the powers (K,) of the lines 1 to K, and their noise."""
+    """Return `detect_lines` for the powers (K,) of the lines 1 to K and their noise."""
     noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANCE)
     lines = np.flatnonzero(power > SIGNIFICANCE * noise) + 1
     if not lines.size:
@@ -193,31 +191,31 @@ def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
 
 
 def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
-    """Refuse a grid that is not the one in the input, with the lines that are excited.
+    """Refuse a grid with lines that the input does not excite, and name the excited lines.
 
-    Off the excitation G is one rounding error, or one piece of noise, over another.
+    On a line without input G is a quotient of two rounding errors, or of two noises.
 
     Parameters
     ----------
     u : (M, P, N) ndarray
         Input, or reference.
     lines : (F,) int ndarray
-        The excited lines that somebody said.
+        The excited lines as given.
     power : (F,) ndarray
-        Mean square over realisations of its amplitudes there, 2/N rfft.
+        Mean square of the input amplitudes on these lines over realisations, 2/N rfft.
     """
     carried = power.sum() / 2
-    last = u[:, -1]  # one period is enough, and the last one is settled
+    last = u[:, -1]  # one period suffices, and the last one has settled
     total = float(np.add.reduce(np.vecdot(last, last))) / last.size
     if power.min() >= _NEGLIGIBLE_POWER * power.max() and carried > _MIN_CARRIED_SHARE * total:
-        return  # even with its mean
+        return  # even with the mean counted
     total -= float(np.mean(last.mean(axis=1) ** 2))
     weak = power < _NEGLIGIBLE_POWER * np.median(power)
     if not weak.any() and carried > _MIN_CARRIED_SHARE * total:
         return
     try:
         found = detect_lines(u).excited
-    except ValueError:  # nothing stands out of the noise, on these lines or any others
+    except ValueError:  # no line stands out of the noise
         return
     missed = np.setdiff1d(lines, found, assume_unique=True)
     more = np.setdiff1d(found, lines, assume_unique=True)
@@ -231,9 +229,9 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
 
 
 def _complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the regular grid of which at most a tenth is missing, where the missing lines do carry input.
+    """Return the regular grid of which at most a tenth is missing, if the missing lines do carry input.
 
-    Lines in a narrow notch of the amplitude spectrum, or near the noise, are found by their place in the grid.
+    So lines in a narrow notch of the amplitude spectrum, or near the noise, are found from the grid.
     """
     band = np.arange(excited[0], excited[-1] + 1)
     patterns = [band, band[band % 2 == excited[0] % 2]]
@@ -247,10 +245,10 @@ def _complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 
 def _white_noise_level(power: np.ndarray) -> float:
-    """Return the level of white noise in the power of a single period; zero where no part of it looks like noise.
+    """Return the level of white noise in the power of a single period; zero if no part of it looks like noise.
 
-    The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean, and it
-    jumps from line to line, by 4.8 dB in the median, where a designed spectrum is smooth.
+    The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean. It jumps from
+    line to line by 4.8 dB in the median, while a designed spectrum is smooth.
     """
     floors = []
     for block in np.array_split(power, 16):
@@ -260,7 +258,7 @@ def _white_noise_level(power: np.ndarray) -> float:
 
 
 def _upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Upper envelope of the levels of some lines that falls by at most DECAY a line on either side of a peak."""
+    """Return the upper envelope of the levels of lines; it falls by at most _ENVELOPE_DECAY a line beside a peak."""
     ramp = _ENVELOPE_DECAY * lines
     forward = np.maximum.accumulate(level + ramp) - ramp
     backward = np.maximum.accumulate((level - ramp)[::-1])[::-1] + ramp
@@ -268,9 +266,9 @@ def _upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 
 def _connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Return the lines reached from the strongest one without the level falling by more than MAX_STEP at a line.
+    """Return the lines reached from the strongest line by steps down of at most _MAX_STEP.
 
-    This ends the band where only harmonics and distortion of the input follow, at whatever level.
+    The band ends where only harmonics and distortion of the input follow, at whatever level.
     """
     strongest = int(np.argmax(level))
     kept = [int(lines[strongest])]

@@ -1,8 +1,8 @@
-"""The period of a signal, found in what was measured: where the signal is like itself.
+"""Find the period of a measured signal: the lag at which the signal is most like itself.
 
-The autocorrelation of a whole record takes several times its memory. So a long one is first looked at for exact
-repeats, as a generator makes them, and then through a keyhole: coarsely where it is smooth, or by looking for the
-samples at one end of it everywhere else. What is found so is held against the whole record, at a few lags.
+The autocorrelation of a whole record takes several times its memory. So a long record is first searched for exact
+repeats, as a generator makes them. Then it is decimated where it is smooth, and the samples at one end are searched for
+everywhere else. The lags found are checked against the whole record.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from nlfrf._base.numbers import TINY, fast_length, iterate_blocks, streams_equal
 from nlfrf.records.screening.decimation import decimate, smooth_step
 from nlfrf.records.screening.input import track_input
 
-LONG_SIGNAL = 1 << 17  # samples that a whole autocorrelation may take
-_FIRST_SAMPLES = 256  # samples that are looked for to the last bit
-_MAX_LAGS = 1000  # places that begin like the head, before an exact repeat is given up
-_TEMPLATE_SAMPLES = 1 << 14  # samples at one end of a record that are looked for elsewhere
-_CORRELATION_DROP = 0.05  # how much less like itself a signal may be there than over all of it
-_MAX_CANDIDATES = 64  # lags that are held against all of it
-_CHUNK_SAMPLES = 1 << 21  # samples by which that is done
-_MAX_MOVES = 8  # that a lag may take until it is known to less than a sample
-_MIN_CORRELATION = 0.5  # correlation at the period, at least
-_MIN_REPEATED = 0.75  # share of the power of a signal that repeats from period to period, at least
-_LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
+LONG_SIGNAL = 1 << 17  # largest number of samples for a whole autocorrelation
+_FIRST_SAMPLES = 256  # samples that are searched for bit by bit
+_MAX_LAGS = 1000  # tries after which the search for an exact repeat ends
+_TEMPLATE_SAMPLES = 1 << 14  # samples at one end of a record that are searched for elsewhere
+_CORRELATION_DROP = 0.05  # largest loss of correlation of that end against the whole record
+_MAX_CANDIDATES = 64  # lags that are checked against the whole record
+_CHUNK_SAMPLES = 1 << 21  # samples that this check uses
+_MAX_MOVES = 8  # steps that refine a lag to less than a sample
+_MIN_CORRELATION = 0.5  # smallest correlation at the period
+_MIN_REPEATED = 0.75  # smallest share of the power that repeats from period to period
+_LAG_RESOLUTION = 4  # points per sample of a correlation
 
 
 def detect_period(u: np.ndarray) -> float:
@@ -37,8 +37,8 @@ def detect_period(u: np.ndarray) -> float:
     Raises
     ------
     ValueError
-        The signal does not repeat within its length. One that repeats better with its sign turned does not: an odd
-        multisine has its minus after half a period, and a resonance behind it something like itself nearby.
+        The signal does not repeat within its length, or repeats better with its sign changed: half a period of an odd
+        multisine is followed by its negative, and behind a resonance a similar stretch follows nearby.
     """
     if u.size > LONG_SIGNAL:
         period = _bitwise_period(u) or _period_of_long_signal(u)
@@ -48,7 +48,7 @@ def detect_period(u: np.ndarray) -> float:
 
 
 def detect_repetition(u: np.ndarray) -> float:
-    """Return the period of a signal (n,) as `detect_period`; refuse one that is like itself for a few cycles only."""
+    """Return `detect_period` of a signal (n,); refuse a signal that is like itself for a few cycles only."""
     period = detect_period(u)
     if not is_repeated(u, period):
         raise ValueError(describe_no_repetition(u.size))
@@ -56,7 +56,7 @@ def detect_repetition(u: np.ndarray) -> float:
 
 
 def period_by_autocorrelation(u: np.ndarray) -> float:
-    """`detect_period` by the autocorrelation of all of it."""
+    """Return `detect_period` from the autocorrelation of the whole signal."""
     u = u - u.mean()
     n = u.size
     n_padded = fast_length(2 * n)
@@ -84,17 +84,17 @@ def period_by_autocorrelation(u: np.ndarray) -> float:
 
 
 def describe_no_repetition(n: int) -> str:
-    """Return the refusal of a signal of n samples in which no period is seen twice."""
+    """Return the message for a signal of n samples that contains no period twice."""
     return (
-        f"u must repeat at least once within its {n} samples for its period to be found: give n_samples={n} where the "
-        "record is one whole period, the design that was played, or the period"
+        f"u must repeat at least once within its {n} samples for its period to be found: give n_samples={n} if the "
+        "record is one whole period; else give the design that was played, or the period"
     )
 
 
 def is_repeated(u: np.ndarray, period: float) -> bool:
-    """Return whether a signal (n,) repeats at a period from its first one to its last, not from one to the next only.
+    """Return whether a signal (n,) repeats at a period from its first period to its last.
 
-    What rings is like itself a few cycles later, and no more at the end of the record.
+    A ringing signal is like itself a few cycles later, but no more at the end of the record.
 
     >>> t = np.arange(1000)
     >>> is_repeated(np.sin(0.1 * np.pi * t), 20.0), is_repeated(np.exp(-t / 100) * np.sin(0.1 * np.pi * t), 20.0)
@@ -110,15 +110,15 @@ def is_repeated(u: np.ndarray, period: float) -> bool:
 
 
 def _interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
+    """Return (L,) the largest correlation within half a sample of each lag, over its norm (L,), and its place.
 
-    Between its samples a correlation is known by its spectrum (n // 2 + 1,). A parabola through three samples would be
-    too low for signals of a wide band, and a period of 399.75 samples would seem to be one of 1599.
+    The spectrum (n // 2 + 1,) gives the correlation between its samples. A parabola through three samples would be
+    too low for signals of a wide band: a period of 399.75 samples would seem to be one of 1599.
     """
     n_lags = norm.size
     fine = _LAG_RESOLUTION * np.fft.irfft(spectrum, _LAG_RESOLUTION * n)
     fine = np.concatenate((fine[-_LAG_RESOLUTION // 2 - 1 :], fine[: _LAG_RESOLUTION * n_lags + 1]))
-    norm = np.append(norm, 2 * norm[-1] - norm[-2])  # half a sample behind the last one as well
+    norm = np.append(norm, 2 * norm[-1] - norm[-2])  # the last lag has half a sample behind it, too
     fine /= np.interp((np.arange(fine.size) - _LAG_RESOLUTION // 2 - 1) / _LAG_RESOLUTION, np.arange(n_lags + 1), norm)
     left, middle, right = fine[:-2], fine[1:-1], fine[2:]
     bend = 2 * middle - left - right
@@ -126,7 +126,7 @@ def _interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[
     slope = np.where(peak, left - right, 0.0)
     bend = np.where(peak, bend, 1.0)
     raised, offset = middle + slope**2 / (8 * bend), -slope / (2 * bend)
-    # from half a sample before each lag to half a sample behind it, both ends with it
+    # from half a sample before each lag to half a sample behind it, both ends included
     windows = np.lib.stride_tricks.sliding_window_view(raised, _LAG_RESOLUTION + 1)[::_LAG_RESOLUTION][:n_lags]
     best = np.argmax(windows, axis=1)
     rows = np.arange(n_lags)
@@ -135,7 +135,7 @@ def _interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[
 
 
 def _parabola_vertex(rho: np.ndarray, peak: int) -> float:
-    """Offset of the top of the parabola through a peak and its neighbours."""
+    """Return the offset of the vertex of the parabola through a peak and its neighbours."""
     if not 0 < peak < rho.size - 1:
         return 0.0
     left, top, right = rho[peak - 1 : peak + 2]
@@ -144,9 +144,9 @@ def _parabola_vertex(rho: np.ndarray, peak: int) -> float:
 
 
 def _bitwise_period(u: np.ndarray) -> float:
-    """Return the least lag at which a signal repeats to the last bit, 0 where it does not."""
+    """Return the smallest lag at which a signal repeats bit by bit; 0 if there is none."""
     head = u[:_FIRST_SAMPLES]
-    anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is not met everywhere
+    anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is rare
     tries = 0
     if np.ptp(head) == 0:
         return 0.0
@@ -163,7 +163,7 @@ def _bitwise_period(u: np.ndarray) -> float:
 
 
 def _period_of_long_signal(u: np.ndarray) -> float:
-    """Return the period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
+    """Return the period of a long signal; 0 if only its whole autocorrelation can show it."""
     step = smooth_step(u)
     rough = decimate(u[np.newaxis, : u.size // step * step], step)[0]
     rough = rough - rough.mean()
@@ -179,14 +179,14 @@ def _period_of_long_signal(u: np.ndarray) -> float:
 
 
 def _is_as_good(like: float | np.ndarray, best: float) -> bool | np.ndarray:
-    """Whether a correlation, or each of an array, is as good as the best one: the first lag that is, is the period."""
+    """Return whether correlations are as good as the best one; the first lag with such a correlation is the period."""
     return like > best - 0.1 * (1 - best) - 0.02
 
 
 def _template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
-    """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well.
+    """Return increasing lags at which the stronger end of a signal (n,) is found again, with their correlations.
 
-    The second is the lowest correlation: how well their minus is found.
+    The second value is the lowest correlation, which belongs to the signal with its sign changed.
     """
     n, length = u.size, min(_TEMPLATE_SAMPLES, u.size // 8)
     ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
@@ -195,7 +195,7 @@ def _template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
     template, energy = np.fft.rfft(u[:length], size).conj(), max(ends)
     found: dict[int, float] = {}
     negative, lowest = False, 0.0  # past the main lobe around lag 0
-    for first in range(0, n // 2, size - length - 1):  # the lags of two neighbours overlap, so that each has its own
+    for first in range(0, n // 2, size - length - 1):  # neighbours overlap so that each peak has both its sides
         part = u[first : first + size]
         spectrum = np.fft.rfft(part, size) * template
         n_lags = min(part.size - length, n // 2 + 1 - first) + 1
@@ -217,7 +217,7 @@ def _template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
 
 
 def _lagged_correlation(u: np.ndarray, lag: int) -> float:
-    """Return the correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
+    """Return the correlation of a signal with itself `lag` samples later, from at most _CHUNK_SAMPLES in its middle."""
     first = max(0, (u.size - lag - _CHUNK_SAMPLES) // 2)
     early, late = u[first : u.size - lag][:_CHUNK_SAMPLES], u[first + lag :][:_CHUNK_SAMPLES]
     mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size
@@ -227,13 +227,13 @@ def _lagged_correlation(u: np.ndarray, lag: int) -> float:
 
 
 def _refine_lag(u: np.ndarray, lag: int, step: int) -> float:
-    """The lag near one, to less than a sample, at which a signal that is smooth over `step` is most like itself."""
+    """Return the lag near `lag`, to less than a sample, at which a signal smooth over `step` is most like itself."""
     middle = lag
     for _ in range(_MAX_MOVES):
         like = np.array([_lagged_correlation(u, middle + shift) for shift in (-step, 0, step)])
         offset = step * _parabola_vertex(like, 1)
         if like[1] == like.max() and abs(offset) <= 0.5 * max(1, step // 4):
             return middle + offset
-        # from the slope of a parabola where it has a top
+        # to the vertex of the parabola if the middle is the largest
         middle += round(offset) if like[1] == like.max() else step if like[2] > like[0] else -step
     return float(lag)

@@ -25,7 +25,7 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
+SAME_CLOCK = 1e-6  # largest relative difference of two sampling frequencies estimated from one clock
 
 
 class SignalLabels(TypedDict, total=False):
@@ -38,7 +38,7 @@ class SignalLabels(TypedDict, total=False):
 
 
 class Channels:
-    """Names and units of inputs and outputs, for values that have the four fields."""
+    """Names and units of inputs and outputs, a base of values with these four fields."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -48,7 +48,7 @@ class Channels:
     def _name_channels(
         self, n: tuple[int, int], names: Sequence[str | Sequence[str]], units: Sequence[str | Sequence[str]]
     ) -> None:
-        """Set the four fields for (n_u, n_y) channels from what was given, u, y, ... where nothing was."""
+        """Set the four fields for (n_u, n_y) channels; names that are not given become u, y, or u1, u2, ..."""
         for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
             given = channel_names(f"{side}s", names[k], n[k])
             self.__dict__[f"{side}s"] = given or tuple(f"{letter}{i + 1}" if n[k] > 1 else letter for i in range(n[k]))
@@ -66,33 +66,35 @@ class Channels:
 
     @property
     def u_name(self) -> str:
-        """Name of the only input; empty where it is not known, or where there are several."""
+        """Name of the only input; empty if unknown, or for several inputs."""
         return _given_name(self.inputs, "u")
 
     @property
     def y_name(self) -> str:
-        """Name of the only output; empty where it is not known, or where there are several."""
+        """Name of the only output; empty if unknown, or for several outputs."""
         return _given_name(self.outputs, "y")
 
     @property
     def u_unit(self) -> str:
-        """Unit of the only input; empty where it is not known, or where there are several."""
+        """Unit of the only input; empty if unknown, or for several inputs."""
         return self.input_units[0] if self.n_inputs == 1 else ""
 
     @property
     def y_unit(self) -> str:
-        """Unit of the only output; empty where it is not known, or where there are several."""
+        """Unit of the only output; empty if unknown, or for several outputs."""
         return self.output_units[0] if self.n_outputs == 1 else ""
 
 
 @value
 class Record(Channels):
-    """Whole periods of inputs and outputs in steady state or after a short transient, for any number of channels.
+    """Whole periods of inputs and outputs, in steady state or after a short transient, for any number of channels.
 
+    `identify` takes it. Make it from arrays that are cut into periods already; `load_record` reads a file, and
+    `record_from_samples` cuts and screens streams of samples.
     Parameters
     ----------
     u : (M, P, N) or (n_u, M, P, N) ndarray
-        Inputs: (channels x) realisations x periods x samples of one period, in their own units. Of several inputs a
+        Inputs: (channels x) realisations x periods x samples of one period, in their own units. For several inputs a
         realisation is called an experiment.
     y : (M, P, N) or (n_y, M, P, N) ndarray
         Outputs.
@@ -103,17 +105,17 @@ class Record(Channels):
     r : (M, P, N) or (n_u, M, P, N) ndarray, optional
         References, known without noise: for closed loop or noisy inputs.
     hold : str
-        How all inputs run between their samples: "zoh" where they are commands of converters that hold them (the FRF
-        then has the hold in it), "band-limited" where they were measured behind the hold, through an anti-aliasing
-        filter as the outputs were; "unknown" where nobody said.
+        Inputs between their samples: "zoh" if they are commands of converters that hold them (the FRF then includes the
+        hold); "band-limited" if they were measured behind the hold, through an anti-aliasing filter as the outputs
+        were; "unknown" otherwise.
     inputs, outputs : sequence of str
-        Names of the channels; u and y, or u1, u2, ... and y1, y2, ... where none are given.
+        Names of the channels; u and y, or u1, u2, ... and y1, y2, ... by default.
     input_units, output_units : sequence of str
-        Units of the channels; empty where they are not known.
+        Units of the channels; empty if unknown.
     u_name, y_name, u_unit, y_unit : str
-        The same for one input and one output.
+        Name and unit of the only input and the only output.
     warnings : sequence of str
-        What was warned of while it was made: text of each `DataWarning`.
+        Text of each `DataWarning` issued while the record was made.
 
     Raises
     ------
@@ -123,7 +125,7 @@ class Record(Channels):
 
     Notes
     -----
-    With one input and one output every array has the axes (M, P, N), however it was given.
+    With one input and one output every array has the axes (M, P, N), whatever its axes when given.
 
     Examples
     --------
@@ -186,7 +188,7 @@ class Record(Channels):
         self._name_channels(
             (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
         )
-        self.__post_init__()  # which the decorator makes: arrays that nobody else can write
+        self.__post_init__()  # of the decorator: makes the arrays read-only
 
     def __post_init__(self) -> None:
         for name, channels in (("u", self.inputs), ("y", self.outputs), ("r", self.inputs)):
@@ -196,12 +198,12 @@ class Record(Channels):
 
     @property
     def is_single(self) -> bool:
-        """Whether it is of one input and one output, so that its arrays have no axis of channels."""
+        """Whether the record has one input and one output, so that its arrays have no axis of channels."""
         return bool(self.u.ndim == 3)
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M; of several inputs a set of as many experiments as inputs makes one."""
+        """Realisations M; for several inputs a set of as many experiments as inputs is one realisation."""
         return self.u.shape[-3]
 
     @property
@@ -226,7 +228,7 @@ class Record(Channels):
 
 
 def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Signals as float arrays (M, P, N) of one input and one output, else (channels, M, P, N); or refused."""
+    """Return the signals as float arrays: (M, P, N) for one input and one output, else (channels, M, P, N)."""
     several = any(np.ndim(signal) == 4 for signal in signals.values())
     arrays = {name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
     if several:
@@ -235,7 +237,7 @@ def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
             arrays, several = {name: one[0] for name, one in arrays.items()}, False
     shape = arrays["u"].shape
     for name, signal in arrays.items():
-        whole = not several or name == "r"  # the channels, too
+        whole = not several or name == "r"  # compare the channels, too
         if signal.shape[-3:] != shape[-3:] or (whole and signal.shape != shape):
             of_u = "the shape of u" if whole else "the experiments, periods and samples of u"
             raise ValueError(f"{name} must have {of_u}, {shape if whole else shape[1:]}, got {signal.shape}")
@@ -246,12 +248,12 @@ def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
 
 
 def _given_name(names: tuple[str, ...], letter: str) -> str:
-    """Return the name of a single channel that somebody gave it."""
+    """Return the name of a single channel; empty if it is the default one."""
     return names[0] if len(names) == 1 and names[0] != letter else ""
 
 
 def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
-    """Return the unit of each channel, empty where it is not known."""
+    """Return the unit of each channel, empty if unknown."""
     units = (given,) if isinstance(given, str) else tuple(given)
     if units and (len(units) != n or not all(isinstance(one, str) for one in units)):
         raise ValueError(f"{name} must be {n} texts, one a channel, got {given!r}")
@@ -259,9 +261,9 @@ def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, 
 
 
 def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ()) -> None:
-    """Refuse what never moves: there is nothing to identify from it.
+    """Refuse a constant signal, from which nothing can be identified.
 
-    One signal (M, P, N) has to move in every realisation, of several (channels, M, P, N) each in some experiment.
+    One signal (M, P, N) must vary in every realisation, several (channels, M, P, N) each in at least one experiment.
     """
     for m, one in enumerate(signal):
         if is_constant(one.reshape(-1, one.shape[-1])):
@@ -273,24 +275,26 @@ def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ())
 
 @keep_warnings
 def join_records(records: Sequence[Record]) -> Record:
-    """Records of one machine as one record: each brings its realisations, or its experiments.
+    """Join records of one machine into one: each contributes its realisations, or its experiments.
+
+    Use this when the realisations of an experiment were recorded one by one.
 
     Parameters
     ----------
     records : list of Record
-        Runs of one experiment that were recorded one by one: the same period, sampling frequency and lines, and phases
-        of their own. Runs of the same phases are repeats, which `identify` recognises.
+        Runs of one experiment: equal period, sampling frequency and lines, and phases of their own. Runs with equal
+        phases are repeats, which `identify` recognises.
 
     Returns
     -------
     Record
-        (M, P, N) with the realisations of all of them, and as many periods as all of them have.
+        (M, P, N) with all realisations, and the number of periods of the shortest record.
 
     Raises
     ------
     ValueError
-        No record, or records of other lines or channels, another period or sampling frequency, some with a reference
-        and some without.
+        The list is empty, or the records differ in lines, channels, period or sampling frequency, or only some have a
+        reference.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The design that was played, laid under what was measured: its lines, its period and its phases as reference."""
+"""Align the design that was played with the measured input: its lines, its period, and its phases as reference."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
 
-_MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
+_MIN_CORRELATION = 0.3  # smallest correlation of a measured input with its design, behind any actuator
 
 
 def design_period(design: Multisine, fs: float) -> int:
-    """Samples in one period of the design at the sampling frequency of a record [Hz].
+    """Return the number of samples in one period of the design at the sampling frequency of a record [Hz].
 
     Raises
     ------
     ValueError
-        A period that is not a whole number of those samples.
+        The period is not a whole number of these samples.
     """
     n = design.n_samples / design.fs * require_positive("fs", fs)
     if abs(n - round(n)) > 1e-6 * n:
@@ -29,9 +29,9 @@ def design_period(design: Multisine, fs: float) -> int:
 
 
 def fill_reference(found: dict[str, np.ndarray], design: Multisine | None) -> None:
-    """Put what was played into the signals of a record as their references, where there are none and they may be.
+    """Add the design to the signals of a record as reference, if they have none.
 
-    A zippered record is identified in open loop and takes none; that it shows the design is looked at all the same.
+    A zippered record is identified in open loop and takes no reference; its input is checked against the design anyway.
     """
     if design is not None and "r" not in found:
         played = reconstruct_references(design, found["u"])
@@ -40,25 +40,23 @@ def fill_reference(found: dict[str, np.ndarray], design: Multisine | None) -> No
 
 
 def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
-    """Return (n_u, M, P, N) the design as played, aligned with the inputs.
+    """Return (n_u, M, P, N) the design aligned with the inputs, without noise and without distortion by actuators.
 
-    Without noise and without what actuators add.
-
-    For each realisation of the record the row of the design that it looks like, moved in time until it lies under the
-    measured input; of several inputs under the first, as a shift that all share changes nothing. What a linear actuator
-    does to it changes nothing either: only its phases are used.
+    For each realisation of the record the row of the design that resembles it most is shifted in time onto the measured
+    input. For several inputs the first one gives the shift, because a common shift changes nothing. Only the phases of
+    the reference are used, so a linear actuator changes nothing either.
 
     Parameters
     ----------
     design : Multisine
-        What was played.
+        Design that was played.
     u : (n_u, M, P, N) ndarray
         Inputs as measured, cut into periods.
 
     Raises
     ------
     ValueError
-        A design of other inputs, an input that looks like no row of the design.
+        The design has another number of inputs, or an input resembles no row of it.
     """
     n_samples = u.shape[3]
     k = design.lines.excited
@@ -79,11 +77,11 @@ def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
                 for e in range(D.shape[1])
             ]
         )
-        likeness = found[:, :, 0].min(axis=1)  # of the input that looks least like its row
+        likeness = found[:, :, 0].min(axis=1)  # of the input that resembles its row least
         best = int(np.argmax(likeness))
         if not likeness[best] > _MIN_CORRELATION:
             raise ValueError(
-                f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
+                f"design must be the one that was played, got a correlation of {likeness[best]:.2g} with the input of "
                 f"{f'realisation {m}' if len(u) == 1 else f'experiment {m + 1}'} at best"
             )
         delay = found[best, 0, 1]

@@ -1,4 +1,4 @@
-"""A record cut out of streams of samples, as a measurement file holds them."""
+"""Cut a record from streams of samples, as a measurement file contains them."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ from nlfrf.records.screening.stream import (
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-_MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
-_MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
-_SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
+_MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that does not repeat, beyond which a signal is not periodic
+_MAX_CORRECTIONS = 3  # rounds in which outputs are put onto the clock of the input and examined again
+_SHARED_SHARE = 0.5  # above this share of the inputs on lines of the first, the first has the lines of all
 Streams = dict[str, list[np.ndarray]]
 #: Samples as they are given: one stream, or one for each realisation or experiment.
 Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
@@ -69,13 +69,15 @@ def record_from_samples(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> Record:
-    """Cut streams of samples of any number of channels into whole periods; the faults of every channel are looked for.
+    """Cut streams of samples into whole periods of a record, for any number of channels, and screen every channel.
+
+    Use this for samples in memory; `load_record` does the same for a file.
 
     Parameters
     ----------
     u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
-        Inputs and outputs, sampled together; a list holds one array per realisation (experiment). Of one channel also
-        (n_samples, P), a period a column.
+        Inputs and outputs, sampled together; a list holds one array per realisation (experiment). For one channel also
+        (n_samples, P), one period per column.
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
@@ -87,16 +89,15 @@ def record_from_samples(
     n_discard : int
         Periods to leave out at the start, where the transient is.
     resample : bool
-        Cut the periods where the inputs show that they stand, between the samples where need be: the cure for a
-        period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
-        is then n_samples in each of those periods.
+        Cut the periods at the places where the inputs show them, between the samples if need be. This cures a period
+        that is not a whole number of samples, a drifting clock, and lost or repeated samples. The fs of the record is
+        then n_samples in each of these periods.
     design : Multisine, optional
-        What was played. Its lines and its period are taken, and its phases are the reference, so that neither noise on
-        the inputs nor what actuators add to them matters; a zippered design is for open loop and gives no reference.
+        Design that was played. Its lines and period are used, and its phases are the reference, so that neither noise
+        on the inputs nor distortion by actuators matters. A zippered design is for open loop and gives no reference.
         The experiments of a set lie side by side.
     hold : str, optional
-        How all inputs run between their samples, "zoh" or "band-limited"; see `Record`. That of the design when not
-        given.
+        Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default that of the design.
     inputs, outputs : sequence of str
         Names of the channels.
 
@@ -109,15 +110,15 @@ def record_from_samples(
     ------
     ValueError
         Streams of different lengths, fewer samples than one period, a period that the input does not have or
-        that is not whole, a drifting clock, lost samples, a design that was not played; the message has the numbers
+        that is not whole, a drifting clock, lost samples, a design that was not played. The message gives the numbers
         and the cure.
 
     Warns
     -----
     DataWarning
-        Periods that are slightly out of place, a clipped signal, a signal that stands still; silence before and behind
-        the excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
-        hammer; a first period that differs from the others by no transient, which is left out.
+        Periods slightly out of place; a clipped signal; a signal that stands still; silence before and behind the
+        excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
+        hammer; a first period that differs from the others, but not by a transient, which is left out.
 
     Examples
     --------
@@ -152,7 +153,7 @@ def record_from_samples(
 
 
 class Cutting(NamedTuple):
-    """How samples are to be cut into periods, by the names of the arguments of `record_from_samples`."""
+    """Options for cutting samples into periods; the names are arguments of `record_from_samples`."""
 
     n_samples: int | None = None
     lines: LineGrid | None = None
@@ -163,7 +164,7 @@ class Cutting(NamedTuple):
 
 
 def _has_channels(signal: Samples) -> bool:
-    """Return whether streams come with an axis of channels: of a list its first one tells."""
+    """Return whether streams have an axis of channels; the first entry of a list decides."""
     first = signal[0] if isinstance(signal, list | tuple) and signal else signal
     return np.ndim(first) == 2
 
@@ -176,7 +177,7 @@ def _record_of_channels(
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> Record:
-    """`record_from_samples` for several inputs or outputs, or for channels that have names."""
+    """Return `record_from_samples` for several inputs or outputs, or for channels that have names."""
     design = options.design
     if design is not None:
         options = options._replace(
@@ -217,9 +218,9 @@ def _record_of_channels(
 def _cut_together(
     streams: Streams, known: str, *, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
 ) -> tuple[dict[str, np.ndarray], float]:
-    """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
+    """Cut every signal (channels, M, P, N) at the periods of the known signals; return them with their fs.
 
-    All channels at once: a period that one of them lost is lost to all.
+    All channels are cut at once: a period lost in one channel is lost in all.
     """
     channels = {
         _channel_label(name, i, names[name]): [one[i] for one in signal]
@@ -235,12 +236,12 @@ def _cut_together(
 
 
 def _channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
-    """Return a channel in messages: "y2", or "y2 (position)" where it has a name."""
+    """Return the label of a channel for messages: "y2", or "y2 (position)" where it has a name."""
     return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
 
 
 def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
-    """(n,) one signal with the lines of all channels: the first, or where each has lines of its own their sum."""
+    """Return one signal (n,) with the lines of all channels: the first, or the sum if each has lines of its own."""
     power = squared_modulus(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
     size = np.add.reduce(power, axis=1)
     share = power[size > 0] / size[size > 0, None]
@@ -275,9 +276,9 @@ def records_from_streams(
     labels: Mapping[str, SignalLabels] | None = None,
     named: bool = False,
 ) -> list[Record]:
-    """`record_from_samples` for several outputs by name: a record each, all with the very same input, and its labels.
+    """Return `record_from_samples` for several named outputs: one record each, with the same input, and its labels.
 
-    Streams that nobody can write go into the record as they are, where there is one realisation.
+    Read-only streams of one realisation go into the record without a copy.
     """
     n_samples, lines, n_discard, resample, design, hold = options
     fs, n_discard = require_positive("fs", fs), require_integer("n_discard", n_discard, least=0)
@@ -289,7 +290,7 @@ def records_from_streams(
         for name, signal in _check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
-    pairs = {} if named else labels  # of several inputs an output may have less between its lines than their sum
+    pairs = {} if named else labels  # an output may be emptier between the lines than a sum of inputs
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:
@@ -320,13 +321,13 @@ def records_from_streams(
 
 
 def _screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
-    """`warn_of_outliers` of every output in every realisation; return whether there are any."""
+    """Warn of the outliers of every output in every realisation; return whether there are any."""
     pairs = [(name, u, y) for name in _output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
     return sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
 
 
 def _leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Leave out the periods of signals (M, P, N) in which an output has outliers, where half of all are left."""
+    """Leave out the periods (M, P, N) in which an output has outliers, if at least half of all periods remain."""
     _, n_periods, n_samples = cut["u"].shape
     good = np.ones(n_periods, dtype=bool)
     for name in _output_names(cut):
@@ -346,9 +347,9 @@ def _cut_periods(
     options: Cutting,
     labels: Mapping[str, SignalLabels],
 ) -> tuple[dict[str, np.ndarray], LineGrid, float]:
-    """Cut streams into periods (M, P, N), with the lines and the sampling frequency that these show.
+    """Cut streams into periods (M, P, N); return them with their lines and sampling frequency.
 
-    `known` names the input or the reference. Faults of every channel are refused, warned of or, with `resample`, cured.
+    `known` names the input or the reference. A fault of a channel is refused, warned of or, with `resample`, cured.
     """
     resample = options.resample
     _cut_silence(kept, known, n_samples=n_samples)
@@ -364,7 +365,7 @@ def _cut_periods(
     def cut_into_periods(signal: list[np.ndarray]) -> np.ndarray:
         return _cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples)
 
-    # what may be cut once more is kept
+    # the streams are kept if they may be cut once more
     cut = {name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)}
     with _add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
         _check_period(cut[known], stream, fs)
@@ -375,36 +376,35 @@ def _cut_periods(
         if not _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
             break
         cut = {name: cut_into_periods(signal) for name, signal in kept.items()}
-    else:  # what is left after all cures is refused
+    else:  # a fault that no cure removed is refused
         _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
-            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. In one period noise "
-            "and distortion cannot be told apart, and the bound is as wide as both. Measure again, or leave resample "
-            "out where a time column shows the lost rows"
+            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. One period does not "
+            "separate noise from distortion, so the bound is as wide as both. Measure again, or leave resample out if "
+            "a time column shows the lost rows"
         )
-    if resample and all(tracks):  # so that f0 is what the input repeats at
+    if resample and all(tracks):  # so that the input repeats at f0
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     return cut, lines, fs
 
 
 def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
-    """Return the lines of the design, or those that an input or reference (M, P, N) shows."""
+    """Return the lines of the design, or those found in an input or reference (M, P, N)."""
     if options.design is not None:
         return options.design.lines
     lines = _recognise_grid(periods)
     _, n_periods, n_samples = periods.shape
     if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
-            f"the period of {n_samples} samples was found from one repetition, of lines that form no grid: with "
-            "samples lost between its two ends it would come out too short. Give the design that was played, or "
-            "n_samples"
+            f"the period of {n_samples} samples was found from one repetition of lines that form no grid: if samples "
+            "were lost between its ends, it is too short. Give the design that was played, or n_samples"
         )
     return lines
 
 
 def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
-    """Leave out, in place, what stands before and behind the excitation, the signal `known`, and warn of it."""
+    """Cut, in place, the silence before and behind the excitation, the signal `known`, and warn of it."""
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
         found = [
@@ -422,7 +422,7 @@ def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
 
 
 def _track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
-    """Return where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
+    """Return the period alignment of each realisation; None if it is cut evenly. Refuse or cure faults."""
     tracks = [track_input(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
     tracks = [found for found in tracks if found.unexplained < _MAX_PERIOD_DIFFERENCE]
     if resample and len(tracks) == len(excitation):
@@ -435,7 +435,7 @@ def _track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) 
 def _cut_stream(
     streams: list[np.ndarray], tracks: list[PeriodAlignment | None], *, n_periods: int, n_samples: int
 ) -> np.ndarray:
-    """Return (M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
+    """Return a signal (M, P, N) cut at its tracked periods, or evenly; P is the smallest number of a realisation."""
     rows = [
         one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else resegment(one, where)[0]
         for one, where in zip(streams, tracks, strict=True)
@@ -458,7 +458,7 @@ def _examine_outputs(
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams.
 
-    Periods at the start that differ by no transient are left out of `cut`.
+    Periods at the start that differ from the others, but not by a transient, are left out of `cut`.
     """
     if cut["u"].shape[1] < 2:
         return False
@@ -478,17 +478,15 @@ def _examine_outputs(
                 cured = True
                 continue
             if lag.fault and lag.severe:
-                raise ValueError(
-                    f"{described_label} must stand still against u from period to period, got: {lag.fault}"
-                )
+                raise ValueError(f"{described_label} must stay in step with u from period to period, got: {lag.fault}")
             if lag.fault:
                 data_warning(
-                    f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {described_label} is out of "
+                    f"{lag.fault}; otherwise {100 * lag.misplaced:.2g} % of the power of {described_label} is out of "
                     "place"
                 )
             drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
             n_unsettled = max(n_unsettled, lag.n_unsettled)
-    if not cured:  # what was cured is looked at again, and the others with it
+    if not cured:  # after a cure all outputs are examined again
         for drift in drifts:
             data_warning(drift)
         cut |= {name: signal[:, n_unsettled:] for name, signal in cut.items()}
@@ -496,17 +494,17 @@ def _examine_outputs(
 
 
 def _output_label(name: str, m: int, tracks: Sequence[object]) -> str:
-    """Return how a signal is called in messages, of realisation m of several."""
+    """Return the label of a signal in messages, with its realisation m if there are several."""
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
 def _output_names(signals: Iterable[str]) -> list[str]:
-    """Return the names of those that are neither input nor reference."""
+    """Return the names of the outputs among signals."""
     return [name for name in signals if name not in ("u", "r")]
 
 
 def _require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) -> None:
-    """`_require_gap` for every output that is cut where its input stands."""
+    """Apply `_require_gap` to every output that is cut at the periods of its input."""
     for m, where in enumerate(tracks):
         if where is not None:
             for name in _output_names(streams):
@@ -514,7 +512,7 @@ def _require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) 
 
 
 def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
-    """Refuse an output without the gap that its input has before all sound periods: what follows may stand anywhere."""
+    """Refuse an output without the gap of its input before all sound periods: the delay behind it is unknown."""
     first = int(np.argmax(where.sound))
     lost = where.gaps[:first].sum()
     if not lost:
@@ -524,15 +522,15 @@ def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
     if found != lost:
         of_u, of_y = (f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none" for n in (lost, found))
         raise ValueError(
-            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: how they stand against "
-            "each other behind it is not known; measure again"
+            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: the delay of this output "
+            "behind the gap is unknown; measure again"
         )
 
 
 def _check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
-    """Return the streams of each signal, one per realisation, once they are known to belong together.
+    """Return the streams of each signal, one per realisation, after a check that they belong together.
 
-    Outputs that are named are called so in messages, others y.
+    Messages call an output y unless outputs are named.
     """
     streams = {"u": _to_streams("u", u)}
     for output, y in outputs.items():
@@ -560,19 +558,19 @@ def _warn_of_other_rates(streams: Streams, fs: float) -> None:
         if n > 1 and n != hold_factor(streams["u"][0]):
             nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
             data_warning(
-                f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held, and G has that "
-                "hold in it, and what folds down; record u and y at one rate"
+                f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held. G includes this "
+                "hold and its aliases; record u and y at one rate"
             )
         elif share := repeated_share(streams[name][0], streams["u"][0]):
             data_warning(
                 f"{name} repeats its last value at {100 * share:.2g} % of the samples and goes on by full steps: its "
-                "sensor is slower than the record, and G has its delay in it, and what folds down; record u and y at "
-                "one rate"
+                "sensor is slower than the record. G includes the delay of this sensor and its aliases; record u and y "
+                "at one rate"
             )
 
 
 def _warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
-    """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
+    """Warn of an output that is the multisine, or repeats to the last digit, while the input is not or does not."""
     if "r" in cut or not labels:
         return
     message = [
@@ -587,19 +585,20 @@ def _warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabe
 
 @contextmanager
 def _add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Iterator[None]:
-    """Add to a refusal of the input that the multisine is found in an output, where it is."""
+    """Add to a refusal of the input the hint that the multisine is found in an output, if it is."""
     try:
         yield
     except ValueError as error:
         if not (found := _describe_swap(streams, _lines_of_first_period, labels)):
             raise
-        raise ValueError(f"{found}; so far {error}") from None
+        raise ValueError(f"{found}; otherwise {error}") from None
 
 
 def _lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
-    """Return the lines of the first period of a signal, as long as it says itself; None where it has none.
+    """Return the lines of the first period of a signal, whose period is detected; None if it has none.
 
-    Lost samples make the period that is found shorter by a part of one: of the two whole ones the one with even lines.
+    Lost samples make the detected period shorter by a fraction. Of the two nearest whole periods the one with the more
+    even lines is taken.
     """
     try:
         n = int(detect_period(signal[0]))
@@ -612,16 +611,16 @@ def _lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
 def _describe_swap(
     signals: Mapping[str, Any], lines_of: Callable[[Any], SignalLines | None], labels: Mapping[str, SignalLabels]
 ) -> str:
-    """Describe exchanged signals: by its lines an output was played and the input was not; else an empty text.
+    """Describe swapped signals: the lines show that an output was played and the input was not; else an empty text.
 
     Parameters
     ----------
     signals : mapping of str to a signal
-        Input and outputs; with a reference nothing is said.
+        Input and outputs; with a reference the text is empty.
     lines_of : callable
-        Lines of a signal, None where it has none.
+        Lines of a signal, None if it has none.
     labels : mapping of str to mapping
-        Names of input and output by output.
+        Names of input and output, for each output.
     """
     if "r" in signals or not labels:
         return ""
@@ -637,29 +636,29 @@ def _describe_swap(
 
 
 def _recognise_grid(periodic: np.ndarray) -> LineGrid:
-    """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
+    """Return the lines of an input or reference; warn if they look like distortion of an actuator."""
     power, noise = line_powers(periodic)
     grid = lines_from_powers(power, noise)
     jump = grid_level_jump(power, grid)
     if jump:
         data_warning(
             f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
-            "to line, as the distortion of an actuator does; give the design that was played, or lines"
+            "to line, as distortion of an actuator does; give the design that was played, or lines"
         )
     return grid
 
 
 def _require_period_alignment(where: PeriodAlignment) -> None:
-    """Refuse periods out of place where that would read as distortion, and warn where it just might."""
+    """Refuse misplaced periods that would count as distortion; warn of smaller misplacements."""
     fault = where.fault
     if fault and (where.misplaced > SEVERE_POWER or not where.sound.all()):
         raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
     if fault:
-        data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
+        data_warning(f"{fault}; otherwise {100 * where.misplaced:.2g} % of the input's power is out of place")
 
 
 def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
-    """One-dimensional streams, one per realisation."""
+    """Return one-dimensional streams, one per realisation."""
     many = list(signal) if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0 else [signal]
     if many[0] is signal and np.ndim(signal) != 1:
         shape = np.shape(signal)
@@ -668,7 +667,7 @@ def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
 
 
 def _rounded_period(u: np.ndarray, resample: bool) -> int:
-    """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
+    """Return the period of the input, rounded to samples; `track_input` then finds whether it is whole."""
     period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
         raise ValueError(
@@ -681,7 +680,7 @@ def _rounded_period(u: np.ndarray, resample: bool) -> int:
 
 
 def _check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
-    """Refuse periods that do not repeat each other: the period, or the signal, is another."""
+    """Refuse periods that do not repeat each other: the period, or the signal, is wrong."""
     _, n_periods, n_samples = u.shape
     if n_periods < 2:
         return

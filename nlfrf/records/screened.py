@@ -1,4 +1,4 @@
-"""What screening finds in streams of samples, sample by sample, before they are cut into a record: for a picture."""
+"""Faults that screening finds in streams of samples, sample by sample, before they are cut: for a picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nlfrf.records.screening.stream import excited_span, find_outliers, unwrap_p
 
 
 class Fault(Enum):
-    """What a span of samples is that makes no period of the record, or not one like the others."""
+    """Kind of a span of samples that is no period of the record, or a period unlike the others."""
 
     SILENCE = "silence, left out"
     REST = "no whole period, left out"
@@ -28,7 +28,7 @@ class Fault(Enum):
 
 
 class _FaultySpan(NamedTuple):
-    """Samples first to end - 1 of a record: what is wrong with them, and how much of it."""
+    """Samples first to end - 1 of a record, with the kind and the extent of their fault."""
 
     fault: Fault
     first: int
@@ -38,24 +38,24 @@ class _FaultySpan(NamedTuple):
 
 @value
 class ScreenedStreams:
-    """Streams of samples as they were recorded, with what screening found in them.
+    """Streams of samples as they were recorded, with the faults found by screening.
 
     Fields
     ------
     labels : tuple of str
         Name and unit of each stream.
     samples : (C, n) ndarray
-        The streams, positions unwrapped; nan where a row is lost.
+        The streams, positions unwrapped; nan at lost rows.
     fs : float
-        Sampling frequency [Hz]; nan where it is not known.
+        Sampling frequency [Hz]; nan if unknown.
     period : float
-        Period of the excitation [samples], 0 where it does not repeat.
+        Period of the excitation [samples], 0 if the excitation does not repeat.
     starts : (P,) int ndarray
-        Samples at which whole periods begin.
+        First samples of the whole periods.
     spans : tuple of FaultySpan
-        What is no period, or not one like the others.
+        Spans that are no period, or a period unlike the others.
     outliers : tuple of (k,) int ndarray
-        Samples of each stream that stand far out of all others.
+        Samples of each stream that are far outside all others.
     """
 
     labels: tuple[str, ...]
@@ -76,12 +76,12 @@ def screen_streams(
     period: float,
     place: np.ndarray | None = None,
 ) -> ScreenedStreams:
-    """Look for the faults of streams that were sampled together, and keep where they stand.
+    """Look for the faults of streams that were sampled together, and keep their places.
 
     Parameters
     ----------
     streams : sequence of (n,) ndarray
-        Inputs first: of them the first one shows the periods.
+        Inputs first; the first of them shows the periods.
     labels : sequence of str
         Name and unit of each.
     n_inputs : int
@@ -89,9 +89,9 @@ def screen_streams(
     fs : float
         Sampling frequency [Hz].
     period : float
-        Period of the first stream [samples], 0 where it does not repeat.
+        Period of the first stream [samples], 0 if it does not repeat.
     place : (n,) int ndarray, optional
-        The sample that each row is, where a time column shows that rows are lost.
+        Sample number of each row, if a time column shows that rows are lost.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def screen_streams(
     """
     rows = np.arange(streams[0].size) if place is None else place
     n = int(rows[-1]) + 1
-    smooth = [np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams]  # straight lines over what is lost
+    smooth = [np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams]  # lost rows are interpolated
     whole = round(period)
     outliers = [find_outliers(x, x if k < n_inputs else smooth[0], whole or n)[0] for k, x in enumerate(smooth)]
     steps = np.diff(rows)
@@ -145,7 +145,7 @@ def screen_streams(
 
 
 def _unwrap_silently(x: np.ndarray) -> np.ndarray:
-    """Return a stream (n,) without the jumps of a position that wraps; as it is where its direction is not known."""
+    """Return a stream (n,) without the jumps of a position that wraps; unchanged if its direction is unknown."""
     with warnings.catch_warnings(), suppress(ValueError):
         warnings.simplefilter("ignore")
         return unwrap_position("", x)
@@ -153,16 +153,16 @@ def _unwrap_silently(x: np.ndarray) -> np.ndarray:
 
 
 def _evenly(x: np.ndarray, period: float) -> np.ndarray:
-    """Return the samples at which whole periods of a stream (n,) begin, one after the other."""
+    """Return the first samples of whole periods of a stream (n,), one after the other."""
     return np.round(np.arange(int(x.size / period + 1e-9)) * period).astype(int)
 
 
 def _find_slipped_periods(
     streams: Sequence[np.ndarray], n_inputs: int, period: float
 ) -> tuple[np.ndarray, list[_FaultySpan]]:
-    """Return where whole periods of streams begin, and those in which samples are lost or which differ from the others.
+    """Return the first samples of whole periods, and the spans with lost samples or with a period unlike the others.
 
-    The outputs are looked at where the input has lost nothing: else they share its gap, or stand against nothing.
+    The outputs are examined only if the input has lost nothing: else they share its gap, or have no reference.
     """
     n = round(period)
     if streams[0].size < 2 * n:
@@ -188,7 +188,7 @@ def _find_slipped_periods(
 
 
 def _describe_slip(step: float, period: int) -> str:
-    """Return how many samples are lost or repeated in a period, counted from zero.
+    """Describe the lost or repeated samples of a period, counted from zero.
 
     >>> _describe_slip(-3.0, 1)
     '3 samples lost in period 2'

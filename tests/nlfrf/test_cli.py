@@ -116,7 +116,7 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
         np.savez(tmp_path / f"lost{m}.npz", **run)
     code, _, err = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "-o", "H.npz")
     assert code == 2
-    assert "y2 (y), realisation 1 must stand still against u" in err
+    assert "y2 (y), realisation 1 must stay in step with u" in err
     code, out, _ = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "--resample", "-o", "H.npz")
     assert code == 0
     if suffix != ".csv":

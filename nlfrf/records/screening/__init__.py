@@ -1,8 +1,8 @@
 """Screening of a record: timing of input and output, lost samples, drift, channels.
 
-decimation  long signals looked at coarsely, where they are smooth
-gaps    samples lost or repeated inside a period
-input   faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels
-stream  faults of one signal before it is cut: silence, positions that wrap, outliers, hits of a hammer
-output  faults of the output against the input: lost samples, clocks apart, another sign, periods that share nothing
+decimation  long signals decimated where they are smooth
+gaps        samples lost or repeated inside a period
+input       faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels
+stream      faults of one signal before it is cut: silence, positions that wrap, outliers, hits of a hammer
+output      faults of the output against the input: lost samples, another clock, a changed sign, unrelated periods
 """

@@ -1,20 +1,18 @@
-"""Long signals looked at coarsely, where they are smooth: their faults, and their period, show there as well."""
+"""Decimation of long signals where they are smooth: the means of blocks show faults and period as well."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_CHUNK_SAMPLES = 1 << 16  # samples by which it is told how smooth a signal is
-_SMOOTH_CORRELATION = (
-    0.994  # of the autocorrelation that is left after as many samples: their mean then has 99.9 % of the power
-)
-_MAX_STEP = 1024  # samples looked over at most
+_CHUNK_SAMPLES = 1 << 16  # samples from which smoothness is estimated
+_SMOOTH_CORRELATION = 0.994  # least ratio of autocorrelations over a block: its mean then has 99.9 % of the power
+_MAX_STEP = 1024  # largest block
 
 
 def smooth_step(x: np.ndarray) -> int:
-    """Over how many samples, a power of two, a signal (n,) changes by little but its noise.
+    """Return the number of samples, a power of two, over which a signal (n,) changes by little more than its noise.
 
-    White noise is gone from the autocorrelation one sample away, so it is held against that.
+    White noise is absent from the autocorrelation at one sample, so this value is the reference.
     """
     first = max(0, (x.size - _CHUNK_SAMPLES) // 2)
     part = x[first : first + _CHUNK_SAMPLES]
@@ -30,7 +28,7 @@ def smooth_step(x: np.ndarray) -> int:
 
 
 def common_smooth_step(signals: list[np.ndarray], n_samples: int) -> int:
-    """Over how many samples, a divisor of n_samples, all of some signals (n,) are smooth."""
+    """Return the number of samples, a divisor of n_samples, over which all signals (n,) are smooth."""
     step = min(map(smooth_step, signals))
     while n_samples % step:
         step //= 2
@@ -38,7 +36,7 @@ def common_smooth_step(signals: list[np.ndarray], n_samples: int) -> int:
 
 
 def decimate(x: np.ndarray, step: int) -> np.ndarray:
-    """Return (P, N / step) means of x (P, N) over `step` samples each; x itself for one.
+    """Return (P, N / step) means of x (P, N) over blocks of `step` samples.
 
     >>> decimate(np.arange(8.0)[None], 4)
     array([[1.5, 5.5]])

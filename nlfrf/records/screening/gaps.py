@@ -1,7 +1,7 @@
-"""Samples lost or repeated inside a period: up to the gap it stands elsewhere than the next period has it.
+"""Find samples lost or repeated inside a period: before the gap the period is shifted against the next one.
 
-Where the gap is short, or near an end, the period as a whole looks like one with a little noise; but all that follows
-is early or late, and the FRF with it.
+With a short gap, or one near an end, the period as a whole looks like one with a little noise. But all samples behind
+the gap are early or late, which falsifies the FRF.
 """
 
 from __future__ import annotations
@@ -13,40 +13,33 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-_MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
-_UNEVEN_LOG_LIKELIHOOD = (
-    10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
-)
-_N_PARTS = 64  # of a period, between which it is tried
-_MAX_REST = 1e-3  # share of what they differ by before the gap that may be left
-_WHOLE_TOLERANCE = (
-    0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
-)
-_ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
-_MIN_SAMPLES = 16  # samples of the noise that tell its variance
-TRANSIENT_RANK, _HANKEL_SAMPLES = 4, 256  # of a Hankel matrix of two modes, more would explain gaps; samples of it
-_MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
+_MIN_LOG_LIKELIHOOD = 50.0  # least reduction of the difference of two periods by a shift, in variances of the noise
+_UNEVEN_LOG_LIKELIHOOD = 10.0  # least log likelihood ratio of an uneven difference for which shifts are tried
+_N_PARTS = 64  # places in a period at which this is tested
+_MAX_REST = 1e-3  # largest share of the difference before the gap that a shift may leave
+_WHOLE_TOLERANCE = 0.2  # of a quarter's step against a whole shift: a spike needs none, a transient any
+_ROUNDING_POWER = 1e-9  # share of the power of y below which a difference is rounding
+_MIN_SAMPLES = 16  # samples that suffice for the variance of noise
+TRANSIENT_RANK, _HANKEL_SAMPLES = 4, 256  # rank of two modes (more would explain gaps); samples in a Hankel matrix
+_MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried everywhere
 _SHORT_SHIFTS = [sign * k for k in range(1, _MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
-_SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
-_MIN_PERIODS = 4  # shifts that explain most up to some place, of which one is that before the first gap
-_N_LIKELIEST = 3  # longer ones, with those beside them
-_FINE, _PLACE = (
-    1 << 13,
-    32,
-)  # places of a long period between which two gaps are looked for, samples that are read there
+_SPIKE_SHARE = 0.01  # least share of the explained difference in each quarter; a spike has it all in one
+_MIN_PERIODS = 4  # best shifts for the part before the first gap that are tried
+_N_LIKELIEST = 3  # longer shifts that are tried, with their neighbours
+_FINE, _PLACE = 1 << 13, 32  # places of a long period between which two gaps are looked for; samples used at each
 
 
 def find_slips(y: np.ndarray, last: int) -> np.ndarray:
-    """(P,) the samples by which what follows is late (early: negative) behind a gap inside each period; 0 without one.
+    """Return (P,) the delay behind a gap inside each period [samples], negative if early; 0 without a gap.
 
-    In the last period the part behind the gap is held against the period before.
+    In the last period the part behind the gap is compared with the period before.
 
     Parameters
     ----------
     y : (P, N) ndarray
         Periods of one output.
     last : int
-        Last excited line: of so many lines is noise made that looks like a gap.
+        Last excited line: noise that looks like a gap has these lines.
 
     Examples
     --------
@@ -66,11 +59,11 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
 
 
 def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
-    """Return (P,) gaps, without those that the periods around them contradict.
+    """Return (P,) gaps, without those that the neighbouring periods contradict.
 
-    What is lost stays lost: behind a gap of k samples every later period stands k samples early. Friction and backlash
-    also delay a part of a period against the next one, but then the periods before and after stand where they should.
-    A gap before the first whole period, or behind the last one, is held against nothing and stays.
+    Behind a gap of k lost samples every later period is k samples early. Friction and backlash also delay a part of a
+    period against the next one, but the periods before and after are in place. A gap before the first whole period, or
+    behind the last one, cannot be compared and stays.
     """
     whole = np.flatnonzero(gaps == 0)
     if whole.size < 2 or whole.size == gaps.size:
@@ -89,7 +82,7 @@ def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.n
 
 
 def _period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int) -> float:
-    """Samples by which a period stands later than another, by their spectra (F,)."""
+    """Return the delay of a period against another [samples] from their spectra (F,)."""
     cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
     weight = float(np.sum(slope**2 * np.abs(cross)))
     delay = float(likeliest_lag(cross, lines, n_samples))
@@ -99,7 +92,7 @@ def _period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_sa
 
 
 def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
-    """The shift of one period (in samples, an eighth of it at most) against another, by their cross spectrum (F,)."""
+    """Return the shift of a period against another, at most an eighth of it [samples], from their cross spectrum."""
     spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
     spectrum[lines] = cross
     correlation = np.fft.irfft(spectrum, n_samples)
@@ -109,9 +102,10 @@ def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
 
 
 def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) bool: periods with several gaps inside, between which a part stands elsewhere; (P,) all gaps with theirs.
+    """Return (P,) bool the periods with several gaps inside, and (P,) all gaps including theirs.
 
-    What was lost and then made up for leaves all that follows in its place. Of two periods both are named.
+    A part between two gaps that compensate each other is shifted; all that follows is in place. If only two periods
+    differ, both are returned.
 
     Parameters
     ----------
@@ -120,7 +114,7 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     last : int
         Last excited line.
     gaps : (P,) ndarray
-        What `find_slips` found: where it found any, that is what two periods differ by.
+        Result of `find_slips`: a gap found there explains the difference of two periods.
 
     Examples
     --------
@@ -136,10 +130,10 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
         if gaps[j] or gaps[j + 1]:
             continue
         found, shift = _has_slip_pair(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
-        if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
+        if found and shift:  # the part before both gaps is shifted in the next period
             corrupted[j], total[j] = True, shift
         elif found:
-            mismatched[j + 1] = True  # one or the other: nothing is lost
+            mismatched[j + 1] = True  # one of the two periods: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
             found, shift = _has_slip_pair(y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last)
@@ -156,9 +150,7 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
 def _least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
     """Return the mean power of the difference of two periods in the quarter of the period where it is least.
 
-    difference holds `_cumulative_power` of each pair, n + 1 values; the floor is the rounding of y.
-
-    For a signal y (N,).
+    `difference` holds `_cumulative_power` (N + 1,) of each pair; the lower limit is the rounding of y (N,).
     """
     n = y.size
     quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in difference)
@@ -168,22 +160,19 @@ def _least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
 def _has_slip_pair(
     one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
-    """Return whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
-
-    And the samples by which what stands before it is, up to the first of two gaps.
-    """
+    """Return whether an inner part of a period is shifted in the next one, and the shift of the part before it."""
     n = one.size
     blur = max(n / (2 * last), 1.0)
     if not _is_uneven(difference, max(_ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return False, 0
     tried = [0, *_SHORT_SHIFTS, *_candidate_lags(one, following, last)]
-    # a long period is looked at in so many places, at some samples in each
+    # a long period is examined at _FINE places, with some samples at each
     stride = max(1, n // _FINE)
     size, edge = min(stride, _PLACE), -(-_MAX_SHORT_SHIFT // stride)  # as in `_slip_length`
     at = np.arange(0, n - stride + 1, stride)[:, None] + np.arange(size)
 
     def from_there(x: np.ndarray, shift: int) -> np.ndarray:
-        """Power up to each place of what x there and the next period differ by, so many samples on."""
+        """Return the cumulative power of the difference of x and the next period, shifted, at the places."""
         return np.append(0.0, np.add.accumulate(power(x - following[(at + shift) % n])))
 
     here = one[at]
@@ -191,7 +180,7 @@ def _has_slip_pair(
     difference = left[0]
 
     def explained(shift: int, begin: int, end: int) -> bool:
-        """Return whether one of the shifts explains all of what they differ by there."""
+        """Return whether a shift explains the whole difference there."""
         begin, end = begin + edge, end - edge
         if (end - begin) * size < _MIN_SAMPLES:
             return False
@@ -212,7 +201,7 @@ def _has_slip_pair(
             > _MIN_LOG_LIKELIHOOD * _correlation_length(noise_there) * power(noise_there) / noise_there.size
         )
 
-    # one shift up to the first gap, another up to the second: the pair that leaves least
+    # one shift up to the first gap, another up to the second: the pair with the least rest
     slip_gain = (difference - left[1:]).max(axis=1)
     for before in ([0], (np.argsort(slip_gain)[-_MIN_PERIODS:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
@@ -235,7 +224,7 @@ def _has_slip_pair(
 
 
 def _candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
-    """Longer shifts by which parts of a period are likeliest found in the next one, by the phases of all lines."""
+    """Return the likeliest longer shifts between parts of two periods, from the phases of all lines."""
     n = one.size
     cross = rfft(one).conj() * rfft(following)
     cross[0], cross[last + 1 :] = 0.0, 0.0
@@ -254,22 +243,22 @@ def _candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[i
 def _confirms_shift(
     parts: np.ndarray, difference: np.ndarray, *, left: np.ndarray, step: np.ndarray, noise: float
 ) -> bool:
-    """Return whether each part of a signal asks for all of a shift, by what it explains, `_cumulative_power`.
+    """Return whether each part of a signal is explained by the whole shift and by nothing less.
 
-    And the step it makes.
+    Arguments are `_cumulative_power`: of the difference before and after the shift, and of the step that it makes.
     """
     before, after, size = (np.diff(x[parts]) for x in (difference, left, step))
     return bool((np.abs(before - after - size) < 2 * _WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
 
 
 def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int) -> int:
-    """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
+    """Return the shift of the first part of a period against the next one [samples]; 0 if there is none.
 
-    In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
-    What the two differ by is given, `_cumulative_power`.
+    The remainder must match unshifted, within noise. A transient matches at no shift, so it is not mistaken for a gap.
+    `difference` is the `_cumulative_power` of the difference of both.
     """
     n = one.size
-    blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
+    blur = max(n / (2 * last), 1.0)  # samples per independent one
     if not _is_uneven(difference, max(_ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return 0
     found, most = 0, 0.0
@@ -277,9 +266,8 @@ def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarr
         there = np.roll(following, -shift)
         left, step = _cumulative_power(one - there), _cumulative_power(there - following)
         gap = int(np.argmax(difference - left))
-        end = max(
-            gap - _MAX_SHORT_SHIFT, 0
-        )  # what was put into the gap is nowhere else, and a spike that is moved past it is
+        # samples inserted at the gap match nowhere, and a spike can be shifted past it
+        end = max(gap - _MAX_SHORT_SHIFT, 0)
         explained, behind = difference[end] - left[end], difference[-1] - difference[gap]
         least = min(noise, behind / (n - gap)) if n - gap > _MIN_SAMPLES * blur else noise
         sure = _MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
@@ -287,7 +275,7 @@ def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarr
             _MAX_REST * difference[end], 2 * end * least
         ):
             continue
-        # how much of that shift each quarter of the part asks for: all of it, where it is a gap
+        # behind a gap each quarter of the part needs the whole shift
         if explained > most and _confirms_shift(
             np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur
         ):
@@ -300,14 +288,14 @@ def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarr
 
 
 def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, gap: int) -> bool:
-    """Return whether damped modes explain what two periods differ by (N,) as well as a gap does, which leaves `left`.
+    """Return whether damped modes explain the difference of two periods (N,) as well as a gap, which leaves `left`.
 
-    A free response of n modes has a Hankel matrix of rank 2 n. What a gap leaves until it ends has none of low rank,
-    because it ends at once. So as many samples behind the gap are looked at as before it, from `begin` on.
+    A free response of n modes has a Hankel matrix of rank 2 n. The difference before a gap has no low rank, because it
+    ends abruptly. So equally many samples before the gap, from `begin` on, and behind it are used.
     """
     reach = min(gap - begin, difference.size - gap)
     if 2 * reach < _MIN_SAMPLES:
-        return True  # so few samples do not tell
+        return True  # too few samples to decide
     some = slice(gap - reach, gap + reach)
     modes = np.linalg.svd(_hankel(difference[some]), compute_uv=False)
     return bool(power(modes[TRANSIENT_RANK:]) <= power(_hankel(left[some]).ravel()))
@@ -316,7 +304,7 @@ def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, ga
 def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:
     """Return the share of the power of a difference of periods (N,) about its mean that damped modes explain.
 
-    What noise of so much a sample makes counts as explained.
+    Noise of variance `noise` counts as explained.
     """
     matrix = _hankel(difference - difference.mean())
     modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
@@ -324,15 +312,16 @@ def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANS
 
 
 def _hankel(x: np.ndarray) -> np.ndarray:
-    """Return the Hankel matrix of a signal (n,), as square as it can be, of at most HANKEL_SAMPLES to it."""
+    """Return the Hankel matrix of a signal (n,), as square as it can be, of at most _HANKEL_SAMPLES samples."""
     x = x[:: -(-x.size // _HANKEL_SAMPLES)]
     return sliding_window_view(x, x.size // 2)
 
 
 def _correlation_length(noise: np.ndarray) -> float:
-    """Samples of a noise (n,) that say one thing about its power: sum of its squared autocorrelation, at least 1.
+    """Return the correlation length [samples]: the number of samples per independent estimate of the noise power.
 
-    Noise that a resonance made varies from place to place as one with hundreds of times fewer samples would.
+    It is the sum of the squared autocorrelation of noise (n,), at least 1. The power of noise from a resonance varies
+    from place to place like that of white noise with hundreds of times fewer samples.
     """
     spectrum = squared_modulus(rfft(noise))[1:]
     total = float(spectrum.sum())
@@ -341,12 +330,12 @@ def _correlation_length(noise: np.ndarray) -> float:
 
 
 def _cumulative_power(x: np.ndarray) -> np.ndarray:
-    """Return (N + 1,) power of x (N,) up to each sample."""
+    """Return (N + 1,) energy of x (N,) up to each sample."""
     return np.append(0.0, np.add.accumulate(x * x))
 
 
 def _is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
-    """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
+    """Return whether two variances, before and behind some sample, explain a difference far better than one."""
     n = difference.size - 1
     parts = min(_N_PARTS, n)
     at = np.arange(1, parts) * n // parts
@@ -357,7 +346,7 @@ def _is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
 
 
 def _candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
-    """Return the shifts to try: the one that fits the samples up to half of the difference best, and all short ones."""
+    """Return the shifts to try: the best fit of the samples up to half of the difference, and all short ones."""
     n = one.size
     half = int(np.searchsorted(difference, difference[-1] / 2))
     size = _cumulative_power(np.tile(following, 2))

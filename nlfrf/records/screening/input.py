@@ -1,9 +1,9 @@
 """Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping, dead channels.
 
-Each of them would otherwise be read as distortion. The periods of the input are laid over each other: in a sound
-record period j stands exactly j n_samples after the first. Its delay against that place tells the fault: a delay
-that grows evenly is a wrong or fractional period, one that bends is a drifting clock, one that jumps by whole samples
-is a gap. Cutting the record along that track, between the samples where need be, cures all three.
+Each of them would count as distortion. The periods of the input are aligned with each other: in a valid record period j
+begins exactly j n_samples after the first. Its delay against this place shows the fault: a delay that grows evenly is a
+wrong or fractional period, a curved one is a drifting clock, and one that jumps by whole samples is a gap. Cutting the
+record along these delays, between the samples if need be, cures all three.
 """
 
 from __future__ import annotations
@@ -27,38 +27,39 @@ from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
 from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
 
-SEVERE_POWER = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
-_VISIBLE_POWER = 1e-7
-_HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
-MAX_LINES = 1 << 14  # lines that tell delays well enough
-_FEW_PERIODS = 8  # steps of which one or two may be jumps, and the median halfway into them
-_CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
-_PART, _FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
-#: Of an output that repeats its last value where its sensor is slow: share of the samples that begin anew behind a
-#: repetition; repetitions to steps of one quantum, of which rounding makes as many; of the runs of repetitions share
-#: behind which it goes on in its direction, and the smaller step beside them over the rms of steps. 600 slow sensors
-#: have 0.10 and 0.38 at least, of 120 outputs with play the median has 0.09 and 0.27 (`benchmarks.records_as_found`).
+SEVERE_POWER = 1e-4  # share of the input power that misplaced periods may turn into apparent distortion before refusal
+_VISIBLE_POWER = 1e-7  # the same share below which the delays are no fault
+_HALF_WIDTH = 24  # samples on either side that the band-limited interpolation uses
+MAX_LINES = 1 << 14  # lines that suffice for the delays
+_FEW_PERIODS = 8  # number of steps up to which one or two jumps would shift the median
+_CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, above which a signal is clipped
+_PART, _FEWEST_CHANGES = 1 << 16, 100  # samples that are tested for a hold; fewest changes among them
+#: Thresholds for an output that repeats its last value because its sensor is slow. The share of new samples behind a
+#: repetition; repetitions over steps of one quantum, about one for rounding; the share of the runs of
+#: repetitions behind which y goes on in its direction; the smaller step beside a run over the rms of steps. 600 slow
+#: sensors have at least 0.10 and 0.38; of 120 outputs with play the median has 0.09 and 0.27
+#: (`benchmarks.records_as_found`).
 _MIN_HELD, _MAX_ROUNDED, _MIN_ONWARD, _MIN_STEP = 0.02, 4.0, 0.1, 0.36
-_STANDSTILL_SHARE = 0.02  # how much a pace of one sample counts against one of none that explains as much
+_STANDSTILL_SHARE = 0.02  # penalty for an even delay of one sample per period that explains no more than none
 _DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
-_ROUNDING = 1e-12  # of a sample: so near it is that sample
-_KAISER_BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
-_SINC_OFFSETS = np.arange(-_HALF_WIDTH + 1, _HALF_WIDTH + 1)  # of the samples it takes
-_WINDOW_ORDER = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
+_ROUNDING = 1e-12  # distance from a sample, in samples, below which it is that sample
+_KAISER_BETA = 9.0  # shape of the Kaiser window of the interpolation: error below 1e-5 up to 0.4 fs
+_SINC_OFFSETS = np.arange(-_HALF_WIDTH + 1, _HALF_WIDTH + 1)  # offsets of the samples that the interpolation uses
+_WINDOW_ORDER = 7  # order of the polynomials for the window between two samples: exact to rounding
 
 
 @value
 class PeriodAlignment:
-    """Where each period of a stream stands.
+    """Place of each period of a stream.
 
     Fields
     ------
     n_samples : int
         The period that was assumed [samples].
     delay : (P,) ndarray
-        Delay of each period against j n_samples, that of the first one that is not empty being zero [samples].
+        Delay of each period against j n_samples, zero for the first one that is not empty [samples].
     sound : (P,) bool ndarray
-        Periods that repeat the others but for that delay, with no gap inside.
+        Periods that repeat the others up to this delay, without a gap inside.
     gaps : (P,) ndarray
         Samples lost (negative) or repeated inside each period.
     noise : float
@@ -66,7 +67,7 @@ class PeriodAlignment:
     misplaced : float
         Share of the input's power that the delays turn into apparent distortion.
     unexplained : float
-        Share of the power of a typical period that does not repeat the first one, delay or not.
+        Share of the power of a typical period that does not repeat the first one at any delay.
     """
 
     n_samples: int
@@ -79,7 +80,7 @@ class PeriodAlignment:
 
     @property
     def jumps(self) -> np.ndarray:
-        """(P,) how far each period stands off by lost (negative) or repeated samples before it [samples]."""
+        """(P,) offset of each period by lost (negative) or repeated samples before it [samples]."""
         j = np.flatnonzero(self.sound)
         if j.size < 2:
             return np.zeros(self.sound.size)
@@ -91,7 +92,7 @@ class PeriodAlignment:
 
     @property
     def pace(self) -> np.ndarray:
-        """(2,) the straight line through the delays, jumps taken out: samples per period, and at the first."""
+        """(2,) straight line through the delays without jumps: slope in samples per period, and value at the first."""
         j = np.flatnonzero(self.sound)
         if not j.size:
             raise ValueError(
@@ -102,33 +103,33 @@ class PeriodAlignment:
 
     @property
     def period(self) -> float:
-        """The period that the input has, on average between jumps [samples]."""
+        """Mean period of the input between jumps [samples]."""
         return self.n_samples + float(self.pace[0])
 
     @property
     def is_whole(self) -> bool:
-        """Whether that period is a whole number of samples, but for noise."""
+        """Whether this period is a whole number of samples, within noise."""
         return abs(self.period - round(self.period)) < max(0.002, 3 * self.noise)
 
     @property
     def spacing(self) -> float:
-        """Samples of the stream to one of a period that is cut into n_samples (`resegment`)."""
+        """Samples of the stream per sample of a period cut into n_samples (`resegment`)."""
         return (round(self.period) if self.is_whole else self.period) / self.n_samples
 
     @property
     def drifts(self) -> bool:
-        """Whether the periods leave an even pace."""
+        """Whether the delays without jumps leave a straight line."""
         return self.bend > max(0.02, 5 * self.noise)
 
     @property
     def bend(self) -> float:
-        """Largest departure of the sound periods from an even pace, jumps taken out [samples]."""
+        """Largest departure of the sound periods from the straight line, without jumps [samples]."""
         even = np.polyval(self.pace, np.arange(self.delay.size))
         return float(np.abs((self.delay - self.jumps - even)[self.sound]).max())
 
     @property
     def fault(self) -> str:
-        """What is wrong, with its numbers, and its cure; empty where nothing is."""
+        """Description of the fault, with numbers and cure; empty without a fault."""
         steps = np.diff(self.jumps)
         if steps.any():
             found = ", ".join(
@@ -155,7 +156,7 @@ class PeriodAlignment:
 
 
 def _common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
-    """Return the pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
+    """Return the delay per period of most steps, each over `intervals` periods: all but those with a whole jump."""
     if steps.size > _FEW_PERIODS:
         return float(np.median(steps / intervals))
     paces = np.append(steps / intervals, 0.0)
@@ -166,7 +167,7 @@ def _common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
 
 
 def describe_slips(steps: np.ndarray) -> list[tuple[int, float]]:
-    """Return the first few jumps: after which period, and by how much."""
+    """Return period and size of the first four jumps."""
     return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
 
 
@@ -192,7 +193,7 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
 
 
 def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
-    """Periods (P,) that are sound or not, and stand where they should."""
+    """Return the alignment of periods (P,) without delays, of which `sound` are valid."""
     nothing = np.zeros(sound.size)
     return PeriodAlignment(
         n_samples=n_samples, delay=nothing, sound=sound, gaps=nothing, noise=0.0, misplaced=0.0, unexplained=0.0
@@ -200,16 +201,16 @@ def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
 
 
 def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
-    """`track_input` of periods (P, N) that are cut evenly; one is transformed at a time."""
+    """Return `track_input` for evenly cut periods (P, N), transformed one at a time."""
     n_samples = periods.shape[1]
     power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
-    steady = power > 0.9 * np.median(power)  # not empty, or half empty
+    steady = power > 0.9 * np.median(power)  # neither empty nor half empty
     first = int(np.argmax(steady))
     weight = squared_modulus(rfft(periods[first]))
     weight[0] = 0.0
     weight[weight < 1e-6 * weight.max()] = 0.0
     weight[max(2, int(0.45 * n_samples)) :] = 0.0  # a period of four samples has one line
-    used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
+    used = np.flatnonzero(weight)  # the lines with power: all following arrays have these lines
     if used.size > MAX_LINES:
         used = np.sort(np.argpartition(weight, -MAX_LINES)[-MAX_LINES:])
     weight = weight[used]
@@ -231,7 +232,7 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
         delay += np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * weight)
     turned = spectra * np.exp(-1j * slope * delay[:, None])
     rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
-    delay = -delay  # a period that stands later has a positive delay
+    delay = -delay  # a late period has a positive delay
     whole_ones = np.delete(rest, first)[np.delete(whole_inside, first)]
     typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
     sound = (rest < max(1e-3, 10 * typical)) & whole_inside
@@ -250,14 +251,14 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
 
 
 def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.ndarray]:
-    """The sound periods (P, N) of a stream, each cut where it stands, between the samples where need be, and which.
+    """Return the sound periods (P, N) of a stream, each cut at its place between the samples, and their indices.
 
     Parameters
     ----------
     x : (n,) ndarray
         Input, output or reference, sampled together.
     where : Track
-        From the input.
+        Alignment of the input.
 
     Raises
     ------
@@ -268,16 +269,16 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
     if not where.sound.any():
         raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none: {where.fault}")
     j = np.arange(n_periods)
-    curve = where.pace  # a straight line has less noise in it than the delays one by one
+    curve = where.pace  # a straight line has less noise than single delays
     if where.drifts:
         sound = where.sound
-        # a delay is an average over its period: it belongs to the middle
+        # a delay is an average over its period, so it belongs to the middle
         middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
         curve = np.polyfit(middle, smooth, min(_DRIFT_ORDER, middle.size - 1))
     rows, kept = [], []
     for period in j[where.sound]:
         jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
-        if jumps and where.sound[period + 1]:  # then the gap lies in this one, too short to make it unsound
+        if jumps and where.sound[period + 1]:  # the gap lies in this period, too short to be found in it
             continue
         tau = period + np.arange(n) / n
         at = n * tau + np.polyval(curve, tau) + where.jumps[period]
@@ -290,7 +291,7 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
 
 
 def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values of a band-limited signal between its samples, by a windowed sinc.
+    """Return values of a band-limited signal between its samples, by a windowed sinc.
 
     >>> x = np.sin(0.7 * np.arange(200))
     >>> bool(abs(interpolate_bandlimited(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
@@ -310,9 +311,9 @@ def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _kaiser_windows() -> np.ndarray:
-    """(8, 48) polynomials in the place between two samples, from -1 to 1: what each sample around has of the window.
+    """Return (8, 48) polynomials in the place between two samples, from -1 to 1, for the window at each sample around.
 
-    With the sign of the sine of the sinc, which is the same for all but for that.
+    They include the sign of the sine of the sinc, whose absolute value is the same for all samples.
     """
     from scipy.special import i0
 
@@ -325,13 +326,13 @@ def _kaiser_windows() -> np.ndarray:
 
 
 def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
-    """Return where the longest run of equal samples begins, and how long it is."""
-    begin, length, edge = 0, 0, 0  # of the longest run so far, and where the one at hand began
+    """Return begin and length of the longest run of equal samples."""
+    begin, length, edge = 0, 0, 0  # of the longest run so far; begin of the current run
     for some in iterate_blocks(x.size):
         follows = x[some.start + 1 : some.stop + 1]
         changed = follows != x[some][: follows.size]
         ends = [x.size] if some.stop == x.size else []
-        if length > 0 and edge == some.start and changed.all():  # nothing stands still
+        if length > 0 and edge == some.start and changed.all():  # no run
             edge = some.start + changed.size
             continue
         edges = np.concatenate([[edge], np.flatnonzero(changed) + some.start + 1, ends]).astype(int)
@@ -343,7 +344,7 @@ def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
 
 
 def hold_factor(x: np.ndarray) -> int:
-    """Over how many samples each number of a stream stands, where it changes at every n-th place only; else one."""
+    """Return the number n of samples for which a stream holds each value, if it changes at every n-th only; else 1."""
     part = x[:_PART]
     at = np.flatnonzero(part[1:] != part[:-1])
     n = int(np.gcd.reduce(at - at[0])) if at.size > _FEWEST_CHANGES else 1
@@ -351,10 +352,10 @@ def hold_factor(x: np.ndarray) -> int:
 
 
 def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
-    """Return the share of samples at which an output y (n,) of a slow sensor repeats its last value; 0 of any other.
+    """Return the share of samples at which an output y (n,) of a slow sensor repeats its last value; 0 for any other y.
 
-    Rounding repeats values, too, but then there are about as many steps of one quantum, or y goes on by one. What is
-    cut off, or does not answer small inputs, stands at few values; what has play goes on the other way.
+    Rounding repeats values, too, but makes about as many steps of one quantum, or y goes on by one quantum. A clipped
+    signal, or one with a dead zone, repeats at few values. A signal with play goes on in the other direction.
 
     >>> t = np.arange(4000)
     >>> y = np.sin(0.3 * t) + np.sin(0.11 * t)
@@ -364,9 +365,9 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     y, u = y[:_PART], u[:_PART]
     steps = np.diff(y)
     still = steps == 0
-    edges = np.flatnonzero(still[1:] != still[:-1]) + 1  # steps that begin a run of repetitions or moves
+    edges = np.flatnonzero(still[1:] != still[:-1]) + 1  # first steps of runs of repetitions or of moves
     behind = edges[~still[edges]]
-    held = y[behind]  # and the step into it is the last one before its run of repetitions
+    held = y[behind]  # the step into it is the last one before the repetitions
     free = (held != y.max()) & (held != y.min()) & (u[behind] != u[behind - 1])
     if np.count_nonzero(free) < max(_FEWEST_CHANGES / 2, _MIN_HELD * y.size, behind.size / 2):
         return 0.0
@@ -380,7 +381,7 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
 
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
-    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
+    """Warn of a signal that is clipped or that stands still: both would count as distortion."""
     begin, length = longest_constant_run(signal)
     share = clipped_share(signal) if length > 2 else 0.0
     if share > _CLIPPED_SHARE:

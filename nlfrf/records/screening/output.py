@@ -1,7 +1,7 @@
-"""Faults of the output against the input: lost samples, another clock, another sign, and what changes over its periods.
+"""Faults of the output against the input: lost samples, another clock, a changed sign, and drifts over the periods.
 
-In a sound record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
-delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that is off that of u.
+In a valid record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
+delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that differs from that of u.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from nlfrf.records.screening.gaps import (
 from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
 from nlfrf.signals.lines import chance_correlation
 
-# ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
+# ---- Drifts over the periods of a record: the gain from u to y, evenly or in a step, and the operating point.
 
-_MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named
-_NEGLIGIBLE = 1e-6  # of the rms: what periods may differ by without a word
-_MIN_OFFSET_DRIFT = 0.15  # change of the operating point over the record that is named, in rms of the output
-_FEW, _ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
-_CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
+_MIN_GAIN_DRIFT = 0.02  # smallest change of gain over the record that is reported
+_NEGLIGIBLE = 1e-6  # differences of periods, over the rms, that are ignored
+_MIN_OFFSET_DRIFT = 0.15  # smallest reported change of the operating point over the record, in rms of the output
+_FEW, _ALONE = 4, 0.9  # periods that separate a drift from a transient; share that fewer periods must explain
+_CLEAR_SHARE = 0.3  # largest rest beside a clear change, as a share of it
 _DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
 def _describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
-    """Return how the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
+    """Describe a drift or step of the gain of the periods `at`, with its numbers; empty if there is neither.
 
-    `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
-    and of few periods each is a first one.
+    `explained` is the explained share of the nonrepeating power. If it is small, a first period alone may be in
+    transient, and among few periods each may be such a first one.
     """
     if at.size < 2 or (at.size < _FEW and explained < _ALONE):
         return ""
@@ -50,38 +50,38 @@ def _describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, expl
     if rest < bend or at.size < 3:
         if abs(step) > least and rest < _CLEAR_SHARE * abs(step) and (place > 1 or explained > _ALONE):
             return (
-                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}: G is that of "
-                f"neither side; {_DRIFT_CURE}"
+                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}: G is an average, "
+                f"and belongs to neither side; {_DRIFT_CURE}"
             )
         if place == 1:
             return ""
     if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
         return (
-            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it; "
-            f"{_DRIFT_CURE}"
+            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is an average, which the machine "
+            f"had at no time; {_DRIFT_CURE}"
         )
     return ""
 
 
 def _describe_offset_drift(offset: np.ndarray) -> str:
-    """Return how far the operating point of the periods wanders; empty where it does not."""
+    """Describe a wandering operating point of the periods; empty if it does not wander."""
     change = float(np.ptp(offset))
     if change <= _MIN_OFFSET_DRIFT:
         return ""
     return (
-        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
-        "all these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
+        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is an average over "
+        "these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
     )
 
 
 def _fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """Slope of the straight line through x, and the largest departure from it."""
+    """Return the slope of the straight line through x and the largest departure from it."""
     fit = np.polyfit(at, x, 1)
     return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
 
 
 def _find_step(x: np.ndarray) -> tuple[int, float, float]:
-    """Return where x (n,) steps, by what share of what it was, and the largest departure from that."""
+    """Return place and relative size of the step of x (n,), and the largest departure from a step."""
     first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
     rest = np.maximum(first[:-1], last[-2::-1]) / 2
     k = int(np.argmin(rest))
@@ -89,11 +89,11 @@ def _find_step(x: np.ndarray) -> tuple[int, float, float]:
     return k + 1, after / before - 1 if before else 0.0, float(rest[k])
 
 
-# ---- Whether periods differ by a transient: it is smooth over frequency, which neither noise nor a fault is.
+# ---- Transients between periods: they are smooth over frequency; noise and faults are not.
 
 N_POLYNOMIAL = 3
-_MAX_WINDOWS = 1000  # windows that decide whether there is a transient; more would only take time
-WINDOW_LINES = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+_MAX_WINDOWS = 1000  # windows that suffice to detect a transient
+WINDOW_LINES = 12  # neighbouring lines of a window over which a difference between periods is tested for smoothness
 
 
 def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
@@ -124,52 +124,51 @@ def _smooth_basis() -> np.ndarray:
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
-#: Of what differs: two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise; four explain less than 0.95 of a
-#: start from rest in one of 300 random records. The power in the second half of a period over the first, of modes that
-#: beat, of the first over the second, and of both over the noise. All are tuned on `benchmarks.bench_screening`.
+#: Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise;
+#: four explain less than 0.95 of a start from rest in one of 300 random records. A difference below a multiple of the
+#: noise is noise. Then for the difference of two periods: the power of its second half over the first, for modes that
+#: beat; of the first half over the second; and of both over the noise.
 _MODAL_SHARE, _SETTLING_SHARE, _MIN_OVER_NOISE, _MAX_BEAT, _MIN_DECAY, _MIN_EXCESS = 0.9, 0.95, 3.0, 2.0, 1.1, 1.2
-_SIGMAS = 6.0  # standard deviations past which a fault is believed
-_MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
-_VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
-_MAX_CLOCK_ERROR = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
-_MAX_LEVEL_CHANGE = 0.25  # how far the gain of a period may be from that of the others
-_MAX_UNEXPLAINED = 1e-3  # share of the power of a period that may not repeat before it is looked at
-_FALSE_ALARM = 1e-3  # probability with which noise may pass for a period that is late or early
-_OPPOSITE_CORRELATION = (
-    0.9  # of what two periods could have in common, from which one is the other with its sign turned
-)
+_SIGMAS = 6.0  # standard deviations above which a fault is believed
+_MIN_EXPLAINED = 0.5  # share of the nonrepeating power that a delay must explain before a record is refused for it
+_VISIBLE_POWER = 1e-6  # share of the power of y out of place above which a delay is reported
+_MAX_CLOCK_ERROR = 1e-4  # largest relative difference of two clocks; a larger one is samples lost or repeated
+_MAX_LEVEL_CHANGE = 0.25  # largest relative difference of the gain of a period from that of the others
+_MAX_UNEXPLAINED = 1e-3  # share of the power of a period that does not repeat, above which the period is examined
+_FALSE_ALARM = 1e-3  # probability that noise passes for a late or early period
+_OPPOSITE_CORRELATION = 0.9  # correlation of two periods beyond which one is the other with its sign changed
 
 
 @value(copy=False)
 class _OutputAlignment:
-    """How an output stands against the input, period by period.
+    """Alignment of an output with the input, period by period.
 
     Fields
     ------
     n_samples : int
         Samples in one period.
     delay : (P,) ndarray
-        Delay of y behind that of u in each period, that of the first sound one being zero [samples].
+        Delay of y minus that of u in each period, zero for the first sound period [samples].
     jumps : (P,) ndarray
-        The whole samples of it, from samples of y that were lost (negative) or repeated.
+        Whole samples of this delay, caused by samples of y that were lost (negative) or repeated.
     sound : (P,) bool ndarray
-        Periods that repeat the others but for a delay and a gain, with no gap inside.
+        Periods that repeat the others up to a delay and a gain, without a gap inside.
     corrupted : (P,) bool ndarray
-        Periods of which a part stands elsewhere than in the others.
+        Periods of which a part is shifted against the others.
     noise : float
         Standard deviation of the delays by noise [samples].
     misplaced : float
         Share of the power of y that the delays turn into apparent distortion.
     explained : float
-        Share of what does not repeat from period to period that the delays explain.
+        Share of the nonrepeating power that the delays explain.
     gain : (P,) ndarray
         Gain of each period over that of the last one.
     gain_noise : float
-        Its standard deviation by noise.
+        Standard deviation of `gain` by noise.
     offset : (P,) ndarray
         Mean of y over each period, in rms of y about its mean.
     n_unsettled : int
-        Periods at the start that differ from the others by no transient; they are left out.
+        Periods at the start that differ from the others, but not by a transient; they are left out.
     """
 
     n_samples: int
@@ -187,16 +186,17 @@ class _OutputAlignment:
 
     @property
     def broken(self) -> bool:
-        """Whether a period does not repeat the others, after the first that do: before, there may be a transient.
+        """Whether a period behind the first sound one does not repeat the others, or y has a gap before it.
 
-        Or a gap, behind which all that is sound stands elsewhere against the input; or a part of it does.
+        Periods before the first sound one may be in transient. Behind a gap all sound periods are shifted against the
+        input; a corrupted period is shifted in part.
         """
         first = int(np.argmax(self.sound))
         return bool(self.corrupted.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
 
     @property
     def clock(self) -> float:
-        """Samples that y falls behind u in a period because of its clock; zero where that is not sure."""
+        """Delay of y against u per period because of its clock [samples]; zero if not significant."""
         at = np.flatnonzero(self.sound)
         if at.size < 2:
             return 0.0
@@ -208,7 +208,7 @@ class _OutputAlignment:
 
     @property
     def fault(self) -> str:
-        """What is wrong with the timing of y, or its sign, with its numbers and its cure; empty where nothing is."""
+        """Description of a fault of timing or sign of y, with numbers and cure; empty without a fault."""
         turned = np.flatnonzero(self.turns)
         if turned.size:
             return f"y changes its sign before period {', '.join(str(j + 2) for j in turned[:6])}; was it rewired?"
@@ -231,45 +231,45 @@ class _OutputAlignment:
 
     @property
     def outweighs_noise(self) -> bool:
-        """Whether what the delays put out of place is more than the noise that the mean of the periods has."""
+        """Whether the power misplaced by the delays exceeds the noise in the mean of the periods."""
         return bool(self.explained * np.count_nonzero(self.sound) > 1 - self.explained)
 
     @property
     def turns(self) -> np.ndarray:
-        """(P - 1,) whether the sign of y changes between one period and the next."""
+        """(P - 1,) bool, sign changes of y from one period to the next."""
         return (self.gain[1:] < 0) != (self.gain[:-1] < 0)
 
     @property
     def severe(self) -> bool:
-        """Whether that would read as distortion, beyond what is noise anyhow."""
+        """Whether the fault would count as distortion, above the noise."""
         return (
             (self.misplaced > SEVERE_POWER and self.explained > _MIN_EXPLAINED) or self.broken or bool(self.turns.any())
         )
 
     @property
     def start(self) -> str:
-        """What may be wrong before the first settled period, and what to do; empty where it may be a transient."""
+        """Description of a possible fault before the first settled period; empty if it may be a transient."""
         if not self.n_unsettled:
             return ""
         which = "period 1 differs" if self.n_unsettled == 1 else f"periods 1 to {self.n_unsettled} differ"
         return (
             f"{which} from the others by more than noise and by no free response of a few modes, and is left out. It "
-            "may be a start from rest of a nonlinear machine. But where samples of y were lost in it, all that follows "
-            "stands wrong against u; then measure again"
+            "may be a start from rest of a nonlinear machine. But if samples of y were lost in it, all that follows is "
+            "shifted against u; then measure again"
         )
 
     @property
     def drift(self) -> str:
-        """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
+        """Description of a drift over the record, with numbers and cure; empty without a drift."""
         at = np.flatnonzero(self.sound)
         changed = _describe_gain_drift(at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained)
         return changed if changed or at.size < _FEW else _describe_offset_drift(self.offset[at])
 
 
 def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlignment:
-    """Follow the periods of an output against those of its input.
+    """Align the periods of an output with those of its input.
 
-    Periods in which y still rings are left aside: a transient has a phase and a gain of its own on every line.
+    Periods in transient are left aside: a transient has its own phase and gain on every line.
 
     Parameters
     ----------
@@ -304,17 +304,17 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlig
     differs = power(begins) > _NEGLIGIBLE**2 * power(y[-1])
     if len(y) > 2 and differs and not (lag.fault or lag.drift or _is_modal(np.diff(y, axis=0), max(first - 1, 0))):
         lag = replace(lag, n_unsettled=max(first, 1))
-    # a gap before all that is sound: that is where the rest stands
+    # a gap before all sound periods shifts the rest
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 
 def _first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
-    """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
+    """Return the first of the periods (P, N) that differs from the next by no transient on the lines up to `last`.
 
-    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,). Two
-    modes that beat may grow for half a period. What rings on few lines is not smooth from line to line, but is that of
-    few damped modes.
+    A transient decays. A difference that grows within a period, as behind a gap, is none; periods with a gap, `broken`
+    (P,), count as settled. Two modes that beat may grow for half a period. A transient that rings on few lines is not
+    smooth from line to line, but has few damped modes.
     """
     Y, noise = rfft_at(y, np.arange(1, last + 1))[:, None], min(map(power, np.diff(y, axis=0))) * (len(y) > 2)
     for j, (one, following) in enumerate(itertools.pairwise(y)):
@@ -332,9 +332,9 @@ def _first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
 
 
 def _is_modal(differences: np.ndarray, j: int) -> bool:
-    """Return whether periods differ by a few damped modes, or noise, in row j of their differences (P - 1, N).
+    """Return whether row j of the differences of periods (P - 1, N) is noise or a few damped modes.
 
-    Noise is the least that two periods differ by. Modes with a weak cubic spring take rank 8.
+    The noise is the smallest difference of two periods. Modes with a weak cubic spring need rank 8.
     """
     noise = min(map(power, differences))
     return bool(
@@ -344,7 +344,7 @@ def _is_modal(differences: np.ndarray, j: int) -> bool:
 
 
 def _unknown_alignment(n_periods: int, n_samples: int) -> _OutputAlignment:
-    """Return where the periods tell nothing of a fault."""
+    """Return the alignment of periods that show no fault."""
     zeros, ones = np.zeros(n_periods), np.ones(n_periods)
     return _OutputAlignment(
         n_samples=n_samples,
@@ -381,16 +381,13 @@ def _prepend_transient_periods(lag: _OutputAlignment, n: int) -> _OutputAlignmen
 def _align_decimated(
     u: np.ndarray, y: np.ndarray, *, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
 ) -> _OutputAlignment:
-    """`align_output` for signals of which one sample in so many is left, with such gaps in periods.
-
-    Or torn ones (P,).
-    """
+    """Return `align_output` for signals decimated by `step`, with gaps and corrupted periods (P,)."""
     n_samples = step * y.shape[1]
     if lines.size > MAX_LINES:
         lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
     input_side, output = _align_periods(u, lines), _align_periods(y, lines)
     whole = (gaps == 0) & ~corrupted
-    # a gap was found because both sides of it repeat
+    # a gap was found because both of its sides repeat
     answers = (
         gaps.any()
         or np.count_nonzero(whole) < 2
@@ -436,16 +433,16 @@ def _align_decimated(
 
 
 def _alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int) -> float:
-    """Return the standard deviation by noise of the delay, or gain, of a period: of lines (F,) with power `observed`.
+    """Return the standard deviation by noise of the delay, or gain, of a period; lines (F,) have power `observed`.
 
-    The mean of the periods has noise in it too, which tells nothing.
+    The noise in the mean of the periods carries no information and is subtracted.
     """
     signal_power = observed.sum() - noise_variance / n_periods * weight.sum()
     return float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
 
 
 def _forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
-    """Return the delays, where they are not known that of the period before, or of the first that is."""
+    """Return the delays; an unknown one is that of the period before, or the first known one."""
     at = np.flatnonzero(placed)
     return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
 
@@ -453,7 +450,7 @@ def _forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
 def _slips_between_periods(
     delay: np.ndarray, sound: np.ndarray, *, noise: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which periods have no gap inside, and the whole samples by which each stands off."""
+    """Return the periods without a gap inside, and the offset of each in whole samples."""
     at = np.flatnonzero(sound)
     nothing = np.zeros(delay.size)
     if at.size < 2 or _SIGMAS * noise > 0.5:
@@ -463,7 +460,7 @@ def _slips_between_periods(
     left = delay - pace * np.arange(delay.size)
     difference = left[at] - left[at, None]
     agree = np.abs(difference - np.round(difference)) < max(0.1, _SIGMAS * noise)
-    most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
+    most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # most agree with it; the first may have a gap inside
     left -= left[most]
     whole = np.round(left)
     if not whole[at].any():
@@ -473,16 +470,16 @@ def _slips_between_periods(
 
 
 def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
+    """Return the stream y (n,) on the clock of the input, and a mask of the periods that are measured throughout.
 
     Parameters
     ----------
     y : (n,) ndarray
         Output as recorded.
-    lag : Lag
-        How its periods stand against those of the input.
+    lag : _OutputAlignment
+        Alignment of its periods with those of the input.
     periods : (P,) int ndarray
-        Which periods of the stream those are.
+        Indices of these periods in the stream.
     """
     turns = np.arange(y.size) / lag.n_samples
     at = np.arange(y.size) + lag.clock * turns  # one trigger started both clocks
@@ -491,7 +488,7 @@ def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.nd
     first = int(np.argmax(lag.sound))
     good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.corrupted
     step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
-    good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
+    good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to be found in it
     inside = (at[0 :: lag.n_samples] > -0.5)[periods]
     last = np.minimum((periods + 1) * lag.n_samples, y.size) - 1
     return interpolate_bandlimited(y, at), good & inside & (at[last] < y.size - 0.5)
@@ -499,9 +496,9 @@ def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.nd
 
 @value(copy=False)
 class _AlignedPeriods:
-    """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
+    """Periods laid over each other: delay [samples] and gain (P,) of each, rest (P,), their mean (F,), spectra (P, F).
 
-    Whether each has more in common with the others than white noise has (P,), and the spectra (P, F) as they were.
+    `placed` (P,): periods that have more in common with the others than white noise.
     """
 
     delay: np.ndarray
@@ -520,7 +517,7 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     X = np.repeat(X, len(x), axis=0) if repeats else X
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
-    # of either sign: what is turned round looks like a period that is late on every line
+    # of either sign: a period with its sign changed looks late on every line
     sign = np.where(
         (X @ reference.conj()).real < -_OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)), -1.0, 1.0
     )
@@ -529,7 +526,7 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     if not repeats:
         delay += [likeliest_lag(one * reference.conj(), lines, n_samples) for one in X]
     for step in range(6):
-        if step == 3:  # the mean has less noise in it
+        if step == 3:  # the mean has less noise
             reference = np.mean(X * np.exp(1j * slope * delay[:, None]), axis=0)
         turned = X * np.exp(1j * slope * delay[:, None]) * reference.conj()
         delay -= np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * np.abs(reference) ** 2)
@@ -537,7 +534,7 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     size = np.sum(np.abs(reference) ** 2)
     gain = np.sum(turned * reference.conj(), axis=1).real / size
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
-    others = reference - turned / len(x)  # what a period has in common with itself says nothing
+    others = reference - turned / len(x)  # without the period itself
     shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
     least = chance_correlation(_FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
@@ -547,26 +544,25 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
 
 
 def _follows_input(output: _AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
-    """Return whether each period without a gap has a part in common with the others that noise of no colour has."""
+    """Return whether each period without a gap has more in common with the others than noise of any colour."""
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
-    # a delay was looked for in all places, or none was needed
+    # a delay was searched at all places, or none was needed
     return _periods_share_a_signal(X, _FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
 
 
 def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
-    """Return (P,) whether each period has more in common with the others than noise has, but for so small a chance.
+    """Return (P,) whether each period has more in common with the others than noise, with false alarms at `chance`.
 
-    Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either
-    many lines tell a little or a few tell much. A drift leaks into all lines, and is smooth over them where the answer
-    to random phases is rough, so that what is smooth is left out.
-
+    For noise of any colour each line is weighted by its power over that of its neighbours, or over their noise: either
+    many lines contribute little or a few contribute much. A drift leaks into all lines and is smooth over them, while
+    the response to random phases is rough. So the smooth part is removed.
     Parameters
     ----------
     X : (P, F) complex ndarray
         Periods laid over each other, on the excited lines.
     chance : (P,) ndarray
-        Probability with which noise may pass for each.
+        Probability that noise passes, for each period.
     """
     n_periods, n_lines = X.shape
     if n_lines < 2:
@@ -584,10 +580,10 @@ def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     noise = np.maximum(noise, 1e-12 * total)
     for scale in (total, np.sqrt(total * noise), noise):
         one = (windows / np.sqrt(scale)[:, None]).reshape(n_periods, -1)
-        cross = one * (one.mean(axis=0) - one / n_periods).conj()  # with itself a period has all in common
+        cross = one * (one.mean(axis=0) - one / n_periods).conj()  # without the period itself
         weight = np.abs(cross)
         whole = weight.sum(axis=1) ** 2
-        # so many lines of one power would have as much in common by chance
+        # the equivalent number of lines with equal power
         n = free * whole / np.maximum(power(weight), TINY)
         least = np.array(
             [chance_correlation(p, lines) for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)]

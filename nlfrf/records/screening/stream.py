@@ -7,22 +7,23 @@ import numpy as np
 from nlfrf._base.arguments import data_warning, format_count
 from nlfrf._base.numbers import clipped_share
 
-# ---- A position that starts again at every turn jumps by a whole turn where it moves by little.
+# ---- Positions that wrap: they jump by a whole turn while the machine moves a little.
 
-_TURNS, _COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and of counters, whose numbers are whole
-#: Of a turn: what a position takes at least; its largest step, as above a half its direction is not known; the parts;
-#: the share of samples in the first and last of them where it passes its ends, and over that in the next two; the least
-#: share of each where it turns on and on, in a mean part; and the step from which most jumps are chance, not an end.
+_TURNS, _COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and of counters with whole numbers
+#: In turns or shares: smallest span of a position; largest step, because above a half its direction is unknown; number
+#: of parts of the span; share of samples in the first and last part that shows that a position passes the ends, and its
+#: largest ratio to the share in the next two parts; smallest share of each part, over the mean, while a position
+#: turns on and on; and step above which most jumps occur by chance, not at an end.
 _MIN_SPAN, _MAX_STEP, _PARTS, _MIN_EDGE, _MAX_PILE, _MIN_EVEN, _MAX_CROSSING = 0.9, 0.45, 20, 0.03, 3.0, 0.6, 0.25
-#: Largest step, of a turn, of a slow position: raw steps between it and the rest of a turn are then none.
+#: Largest step of a slow position, in turns: no raw step then lies between it and one turn minus it.
 _MAX_SLOW = 0.3
-#: Steps on either side of a jump that are as large as what a whole turn leaves of it; the share of jumps for which that
-#: holds; and the share of samples at the largest and smallest value, of which a switch or a limit has more.
+#: Steps on either side of a jump that are as large as the jump minus a whole turn; share of jumps for which this must
+#: hold; share of samples at the largest and smallest value, above which the signal is a switch or has a limit.
 _NEIGHBOURS, _MIN_SMOOTH, _MAX_STANDSTILL = 3, 0.9, 0.2
 
 
 def _find_turn(low: float, high: float, whole: bool) -> float:
-    """Return the turn that a position from low to high spans: of an angle, or of a counter if whole; 0 of none."""
+    """Return the turn that a position from low to high spans: of an angle, or of a counter if whole; else 0."""
     for turn in (*_TURNS, *(2.0**bits for bits in _COUNTER_BITS if whole)):
         starts = [
             start for start in (0.0, -turn / 2) if start - 1e-6 * turn <= low and high <= start + turn * (1 + 1e-6)
@@ -38,7 +39,7 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
     Raises
     ------
     ValueError
-        A position that turns so fast that its direction is not known.
+        The position turns so fast that its direction is unknown.
     """
     low, high = float(x.min()), float(x.max())
     whole = high - low > _MIN_SPAN * 2 ** _COUNTER_BITS[0] and np.array_equal(x, np.round(x))
@@ -50,7 +51,7 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
         return x
     steps -= turn * np.round(steps / turn)
     size = np.abs(steps)
-    # where a step is taken for one of the other direction, it changes by a whole turn against those around it
+    # a step taken in the wrong direction differs from its neighbours by a whole turn
     fast = size.max() > _MAX_STEP * turn and np.abs(np.diff(steps)).max(initial=0.0) > turn / 2
     share = np.histogram(x, _PARTS, (low, high))[0] / x.size
     ends = share[[0, -1]].sum()
@@ -62,36 +63,34 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
                 f"{name} must move by less than half a turn from sample to sample to be unwrapped, got {found}. Record "
                 "it unwrapped, or sample faster"
             )
-        data_warning(
-            f"{name} has {found}. Where it is a position that wraps, record it unwrapped; it was left as it is"
-        )
+        data_warning(f"{name} has {found}. It is left unchanged; if it is a position that wraps, record it unwrapped")
     around = jumps[:, None] + np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
     left, quantum, others = size[jumps], size[size > 0].min(initial=turn), np.delete(size, jumps)
-    # a position that moves slowly has no step of about half a turn, and those of its jumps are as large as the others
+    # a slow position has no step of about half a turn, and its steps at jumps are as large as all others
     slow = size.max() <= _MAX_SLOW * turn and np.median(left) <= 2 * np.quantile(others, 0.9) + quantum
     size[jumps] = 0.0
     smooth = np.count_nonzero(left <= 2 * size.take(around, mode="clip").max(axis=1) + quantum)
-    # what is as wide as a turn by chance makes its largest steps far from the ends
+    # a signal that spans a turn by chance has its largest steps far from the ends
     by_chance = ends < _MIN_EDGE and np.count_nonzero(left > _MAX_CROSSING * turn) > jumps.size / 2
     if fast or not (slow or smooth > _MIN_SMOOTH * jumps.size) or by_chance or stands:
         return x
     data_warning(
         f"{name} wraps at a turn of {turn:.6g}: {format_count(jumps.size, 'jump')} by a whole turn, the first at "
-        f"sample {jumps[0] + 1}. They were taken out; record the position unwrapped where this is not an angle or a "
+        f"sample {jumps[0] + 1}. They were removed; record the position unwrapped if this is no angle and no "
         "counter"
     )
     return np.unwrap(x, period=turn)
 
 
-# ---- Silence before the excitation, and behind it.
+# ---- Silence before and behind the excitation.
 
-#: Part of a period that is silent at least; noise in it over the level; peak to peak over the level of random phases;
-#: over the noise, from where a sample belongs to the excitation; and the share of such samples one period later.
+#: Shortest silence as a part of a period; its largest noise over the level; peak to peak over the level, for random
+#: phases; noise multiple above which a sample belongs to the excitation; share of such samples one period later.
 _QUIET_PART, _QUIET, _PEAK_TO_PEAK, _QUIET_SIGMAS, _MIN_AWAY = 8, 0.1, 8.0, 6.0, 0.1
 
 
 def excited_span(u: np.ndarray, n_samples: int) -> slice:
-    """Return which samples of an excitation (n,) of so long a period stand between silence before it and behind it.
+    """Return the samples of an excitation (n,) with period n_samples, without the silence before and behind it.
 
     Examples
     --------
@@ -103,7 +102,7 @@ def excited_span(u: np.ndarray, n_samples: int) -> slice:
 
 
 def _leading_silence(u: np.ndarray, n_samples: int) -> int:
-    """Return how many samples are silent before an excitation; 0 where that is usual in a period of it."""
+    """Return the number of silent samples before an excitation; 0 if its periods contain such silence."""
     quiet = u[: max(n_samples // _QUIET_PART, 4)]
     level, noise = float(np.ptp(u)) / _PEAK_TO_PEAK, float(np.std(quiet))
     if u.size < 2 * n_samples or noise > _QUIET * level:
@@ -113,24 +112,24 @@ def _leading_silence(u: np.ndarray, n_samples: int) -> int:
     begin = int(np.argmax(away))
     if begin < quiet.size or np.mean(away[max(n_samples, begin) :][: min(begin, n_samples)]) < _MIN_AWAY:
         return 0
-    # what is as small one period later may as well belong to it
+    # samples that are as small one period later may belong to the excitation
     differs = np.abs(u[n_samples : n_samples + begin] - u[:begin][: u.size - n_samples]) > 2**0.5 * least
     return int(differs.size - np.argmax(differs[::-1])) if differs.any() else begin
 
 
-# ---- Samples that stand far out of all others, and repeat in no other period.
+# ---- Outliers: samples far outside all others, which repeat in no other period.
 
-#: Samples that show the median; share of all that are no outliers for sure; how far beyond these outliers are, and
-#: beyond the largest of all others; and their share at most.
+#: Samples that suffice for the median; share of samples that are certainly no outliers; smallest distance of an outlier
+#: over that of these samples, and over that of all other samples; largest share of outliers.
 _SAMPLES_FOR_LEVEL, _BODY, _MIN_OVER_BODY, _OUTLIER_RATIO, _MAX_OUTLIERS = 1 << 16, 0.9, 4.0, 2.0, 0.05
-#: Share of the periods in more than which a peak of the signal itself is seen.
+#: A peak in more than this share of the periods belongs to the signal.
 _MOST_PERIODS = 0.7
 
 
 def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndarray, float]:
-    """Return where the outliers of an output y (n,) stand, and how far all others are from the median at most.
+    """Return the places of the outliers of an output y (n,), and the largest distance of other samples from the median.
 
-    None of an input u (n,) that has pulses: they make peaks of y.
+    If the input u (n,) has pulses, there are no outliers: pulses make peaks of y.
 
     >>> y = np.tile(np.sin(np.arange(100)), 3)
     >>> y[120] = 9.0
@@ -147,7 +146,7 @@ def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndar
     beyond = np.sort(np.append(distance[distance > body], body))
     k = int(np.argmax(beyond[1:] / beyond[:-1]))
     outliers = np.flatnonzero(distance > beyond[k])
-    times = np.unique(outliers % n_samples, return_counts=True)[1]  # that a sample of the period is an outlier
+    times = np.unique(outliers % n_samples, return_counts=True)[1]  # how often each sample of the period is an outlier
     repeated = times[times > max(1, _MOST_PERIODS * (y.size // n_samples))].sum()
     few = outliers.size < _MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
     return (outliers, float(beyond[k])) if few and beyond[k + 1] > _OUTLIER_RATIO * beyond[k] else (none, np.inf)
@@ -162,20 +161,21 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
         data_warning(
             f"{name} has {format_count(outliers.size, 'outlier')}, {same}the first of {y[first]:.6g} at sample {first} "
             f"({first / fs:.6g} s): no other sample is further than {largest:.3g} from the median. A spike adds the "
-            "same error to all lines. Its period is left out where half of them are without; else mend the file"
+            "same error to all lines. Its period is left out if at least half of the periods have none; else correct "
+            "the file"
         )
     return bool(outliers.size)
 
 
-# ---- Hits of a hammer: short pulses that neither time nor height repeat.
+# ---- Hits of a hammer: short pulses that repeat neither in time nor in height.
 
-#: From the lowest to the highest sample over the rms, of a multisine 5 to 8; share of the samples that pulses take, and
-#: of the highest above which they do; samples, and share of the height, by which pulses of a generator may differ.
+#: Peak to peak over the rms (5 to 8 for a multisine); largest share of samples in pulses; share of the highest sample
+#: above which a sample is in a pulse; differences of pulses of a generator in samples and as a share of the height.
 _HIT_CREST, _HIT_SHARE, _HIT_HEIGHT, _SAME_TIME, _SAME_HEIGHT = 10.0, 0.03, 0.3, 2, 0.1
 
 
 def _has_pulses(u: np.ndarray) -> bool:
-    """Return whether a signal (n,) has higher peaks than random phases make."""
+    """Return whether a signal (n,) has higher peaks than one with random phases."""
     return bool(np.ptp(u) ** 2 > _HIT_CREST**2 * (np.vdot(u, u) / u.size - (np.add.reduce(u) / u.size) ** 2))
 
 
@@ -187,18 +187,18 @@ def warn_of_hits(name: str, u: np.ndarray) -> None:
     high = np.flatnonzero(height > _HIT_HEIGHT * height.max())
     first = np.flatnonzero(np.diff(high, prepend=-u.size) > _HIT_SHARE * u.size / high.size)
     at, size = high[first], np.maximum.reduceat(height[high], first)
-    repeats = any(  # with so many pulses in a period
+    repeats = any(  # m pulses per period
         np.ptp(at[m:] - at[:-m]) <= _SAME_TIME and np.abs(size[m:] / size[:-m] - 1).max() < _SAME_HEIGHT
         for m in range(1, at.size // 2 + 1)
     )
     if high.size == 1 and np.median(height) > 0:
         data_warning(
             f"{name} has a pulse of one sample that does not repeat, an outlier of {u[at[0]]:.6g} at sample {at[0]}: "
-            "it adds the same error to all lines; mend the file, or leave that period out"
+            "it adds the same error to all lines; correct the file, or leave its period out"
         )
     if at.size > 1 and high.size < _HIT_SHARE * u.size and not repeats:
         data_warning(
             f"{name} looks like {at.size} hits of a hammer: pulses in {100 * high.size / u.size:.2g} % of the samples "
-            "that repeat neither in time nor in height. They are no periods, and do not separate distortion from "
+            "that repeat neither in time nor in height. They have no period, and do not separate distortion from "
             "noise. Play a periodic multisine, or give the FRF of the hits to bla_from_frf"
         )

@@ -52,7 +52,7 @@ def test_samples_that_stay_lost_are_told_all_the_same():
     u, y = stick_and_slip(0)
     lost = np.delete(np.append(y, y[:4]), range(12 * 2500 + 800, 12 * 2500 + 804))
     assert find_slips(lost.reshape(20, 2500), 10)[12] == -4
-    with pytest.raises(ValueError, match=r"y must stand still against u .*4 lost before period 14"):
+    with pytest.raises(ValueError, match=r"y must stay in step with u .*4 lost before period 14"):
         nlfrf.record_from_samples(u, lost, fs=N, n_samples=2500)
 
 

@@ -45,7 +45,7 @@ def test_a_gap_is_told_wherever_it_is(where, lost, n_periods):
         _, u, y, _ = played(0.1, n_periods, seed, settled=True)
         u = u if where == "y" else without(u, lost, seed)
         y = y if where == "u" else without(y, lost, seed)
-        with pytest.raises(ValueError, match=r"must stand still against u|n_samples must be the period of the input"):
+        with pytest.raises(ValueError, match=r"must stay in step with u|n_samples must be the period of the input"):
             nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
 

@@ -145,7 +145,7 @@ def test_a_position_that_turns_too_fast_is_refused(kind):
     rough = 0.2 * turn * np.random.default_rng(1).standard_normal(4000) + start
     rough = np.round(rough) if turn >= 256 else rough
     wrapped = (rough - start) % turn + start
-    with pytest.warns(nlfrf.DataWarning, match=r"y has \d+ jumps, and steps up to .* it was left as it is"):
+    with pytest.warns(nlfrf.DataWarning, match=r"y has \d+ jumps, and steps up to .* It is left unchanged"):
         assert unwrap_position("y", wrapped) is wrapped
 
 

@@ -100,11 +100,11 @@ def disturbed(kind, fault, seed=0):
     ("fault", "told"),
     [
         ("none", ""),
-        ("output", "y2.*must stand still against u .* samples of y were lost"),
+        ("output", "y2.*must stay in step with u .* samples of y were lost"),
         ("input", "u2|n_samples must be the period of the input"),
         ("all", "n_samples must be the period of the input, got 1024: samples were lost"),
         ("period", "n_samples must be the period of the input, got 1024: the input repeats every 1024.3"),
-        ("clock", "y1.* must stand still against u .* the clock of y is off that of u by -20 ppm"),
+        ("clock", "y1.* must stay in step with u .* the clock of y is off that of u by -20 ppm"),
     ],
 )
 def test_a_fault_of_one_channel_is_told_and_cured(kind, fault, told):
@@ -124,5 +124,5 @@ def test_a_fault_of_one_channel_is_told_and_cured(kind, fault, told):
 def test_the_channel_is_called_by_its_name():
     u, y, _ = disturbed("orthogonal", "output")
     names = {"inputs": ["fx", "fy"], "outputs": ["x", "way"]}
-    with pytest.raises(ValueError, match=r"y2 \(way\), realisation 1 must stand still against u"):
+    with pytest.raises(ValueError, match=r"y2 \(way\), realisation 1 must stay in step with u"):
         nlfrf.record_from_samples(u, y, fs=512, n_samples=1024, **names)
