@@ -2,16 +2,16 @@
 
 bla                `Bla`: the matrix, its covariances, its bounds
 calibration        variance of a cubic on detection lines against that on excited lines; crest factor correction
-channel_mismatch   a channel whose gain or delay differs in one experiment from the others
+channel_mismatch   a channel whose gain or delay in one experiment differs from that in the others
 covariance         Hermitian matrices on every line: products, inverses, correlations, square roots
 cross_check        second opinion: distortion from detection lines against distortion from roughness; power law
-distortion         covariance of one experiment's distortion and distribution of the error, by one statistical model
+distortion         distortion covariance of one experiment and distribution of the error, from one statistical model
 experiment_checks  experiments refused or warned of: silent, unequal, dependent, copies, low crest, disturbed
 frf                the matrix over all sets, its covariance by noise and in total; outputs that follow no input
-from_frf           a `Bla` of an FRF that was measured elsewhere, from its standard deviation or coherence
+from_frf           a `Bla` from an FRF that was measured elsewhere, with its standard deviation or coherence
 gains              singular values and relative gains of a measured matrix, with their bounds
 identify           from a periodic record to its `Bla`
-line_index         where the lines of a grid stand, and windows of neighbouring lines, computed once a grid
+line_index         indices of the lines of a grid, and windows of neighbouring lines, computed once for each grid
 local_models       local polynomial and rational models of an FRF (LPM, LRM), and their residual: the roughness
 noise_excitation   the BLA from noise excitation, by Welch segments or local polynomials
 realizations       experiments with the same phases, merged; unequal amplitude spectra; low crest factors

@@ -1,7 +1,7 @@
 """`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its distortion.
 
-One type for any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd ed., 2.7), so that
-a 1 x 1 matrix is a scalar with one variance a line, and everything that takes a matrix takes it.
+One type serves any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd ed., 2.7). A 1 x 1
+matrix is a scalar with one variance per line, and every function of a matrix accepts it.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
-#: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
-#: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.
+#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, because it bends the FRF
+#: smoothly: none for a saturation, up to a half for a fifth power. A half costs 7 % more of the loss than a quarter.
+#: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and `var_bound` contains it.
 _SMOOTH_SHARE = {"roughness": 0.25}
 _COVARIANCES = ("noise", "total", "distortion", "even", "bound")
 _PER_LINE = ("f", "dof", "grid_factor", "coherence")
@@ -39,22 +39,22 @@ _PER_LINE = ("f", "dof", "grid_factor", "coherence")
 
 @value
 class Experiment:
-    """What a `Bla` was measured by.
+    """Description of the experiment behind a `Bla`.
 
     Fields
     ------
     grid : str
-        The kind of grid that was recognised.
+        Kind of the grid, as recognised.
     design : str
         "orthogonal" or "zippered", as recognised.
     n_samples : int
         Samples N in one period.
     n_realizations, n_periods : int
-        Realisations M and periods P; of several inputs the sets R of experiments.
+        Realisations M and periods P; for several inputs M is the number R of sets of experiments.
     n_experiments : int
-        Experiments: M, of several inputs n_u in each of R sets.
+        Experiments: M for one input; for several inputs n_u in each of R sets.
     transient : str
-        What was done about the transient: "none", "discard" or "local".
+        Treatment of the transient: "none", "discard" or "local".
 
     References
     ----------
@@ -84,15 +84,16 @@ class Experiment:
 
 @value(copy=False)
 class Covariances:
-    """Covariances of the residual Y - G U of ONE experiment, line by line: Cov(vec G) = conj(gamma) kron each of them.
+    """Covariances of the residual Y - G U for ONE experiment, line by line; Cov(vec G) = conj(gamma) kron each of them.
 
     Fields
     ------
     gamma : (n_u, n_u, F) complex ndarray
-        What the estimation makes of a residual. Diagonal, 1/(M A_i^2), in open loop; full in closed loop. Of one input
-        and one output ones: the others are then variances of G itself.
+        Factor from the covariance of the residual to Cov(vec G). Diagonal, 1/(M A_i^2), in open loop; full in closed
+        loop. Ones for one input and one output: the others are then variances of G itself.
     noise, total, distortion, even, bound : (n_y, n_y, F) complex ndarray
-        By noise; by noise and distortion; by distortion, without negative eigenvalues; what the even lines say, noise
+        Covariance by noise; by noise and distortion; by distortion, without negative eigenvalues; on the even lines,
+        noise included; and the one behind `Bla.bound` and `Bla.block`.
         included; the one behind `Bla.bound` and `Bla.block`.
 
     References
@@ -115,7 +116,7 @@ class Covariances:
     bound: np.ndarray
 
     def map(self, change: Callable[[np.ndarray], np.ndarray]) -> Covariances:
-        """Return them with each covariance changed, `gamma` as it is."""
+        """Return a copy with `change` applied to each covariance; `gamma` is unchanged."""
         return replace(self, **{name: change(getattr(self, name)) for name in _COVARIANCES})
 
 
@@ -123,9 +124,9 @@ class Covariances:
 class Bla(Channels):
     """Best linear approximation of a nonlinear system on the excited lines, with its variances; any number of channels.
 
-    Every variance is E|.|^2 of a complex number, per excited line. Of one input and one output fields are (F,) arrays.
-    Of several, the covariance of the matrix has two factors: Cov(vec G) = conj(gamma) kron cov, vec stacking columns;
-    `cov` holds both.
+    `identify` returns it. Every variance is E|.|^2 of a complex number, per excited line. For one input and one output
+    the fields are (F,) arrays. For several channels the covariance of the matrix has two factors, which `cov` contains:
+    Cov(vec G) = conj(gamma) kron cov, vec stacking columns.
 
     Fields
     ------
@@ -138,39 +139,39 @@ class Bla(Channels):
     fs : float
         Sampling frequency [Hz].
     experiment : Experiment
-        What was measured: grid, period, realisations.
+        Grid, period and realisations of the measurement.
     level_source : str
-        Where the distortion level comes from: "detection" (lines that were not excited), "roughness" (of the
-        FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
-        "realizations and detection".
+        Source of the distortion level: "detection" (lines without excitation), "roughness" (of the FRF over the excited
+        lines), "realizations" (scatter over M >= 2 experiments), or "realizations and detection".
     dof : (F,) ndarray
         Complex degrees of freedom behind the bound.
     grid_factor : (F,) ndarray
-        Variance at an excited line over the mean on its window of detection lines, as applied; ones where
-        no detection lines were used.
-    levels : DistortionLevels, or a tuple of them, one an output
+        Variance at an excited line over the mean on its window of detection lines, as applied; ones if no detection
+        lines were used.
+    levels : DistortionLevels, or a tuple of them, one per output
         Output amplitudes on excited and detection lines.
     cov : Covariances
-        By noise, by distortion, behind the bound.
+        Covariances by noise, by distortion, and behind the bound.
     typical : float
-        Expected over observed distortion power: how much more a realisation of random phases distorts than those at
-        hand, by the cube of their input, from 1 to 3. Low peaks distort less, whether they are chance or were chosen.
-        The square of that, as a fifth power asks for it, where they are lower than one realisation in twenty has them;
-        of fewer than 27 lines always, from 0.6 to 6. Of several inputs the mean over them.
+        Ratio of expected to observed distortion power: a realisation with random phases distorts more than those
+        measured, by the cube of their input, with a ratio from 1 to 3. Inputs with low peaks distort less, whether by
+        chance or by choice. If their peaks are lower than those of one realisation in twenty, the ratio is squared, as
+        a fifth power needs it; with fewer than 27 lines it is always squared, from 0.6 to 6. For several inputs the
+        mean over them.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
-        records, where distortion and noise are separated instead.
+        records, which separate distortion from noise.
     hold : str
-        How the inputs ran between their samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
+        Inputs between their samples, as in `Record`: with "zoh" G includes the hold of 1/fs.
     inputs, outputs, input_units, output_units : tuple of str
         Names and units of the channels, as in `Record`.
     warnings : tuple of str
-        What was warned of the record and while it was identified: text of each `DataWarning`.
+        Text of each `DataWarning` issued for the record and during its identification.
 
     Raises
     ------
     ValueError
-        Parts whose shapes do not belong to one another.
+        The shapes of the parts do not fit.
 
     References
     ----------
@@ -180,7 +181,7 @@ class Bla(Channels):
 
     Examples
     --------
-    A weak cube: by Bussgang the BLA is 2 + 0.3, but for what the line itself takes out of the sum.
+    A weak cube: by Bussgang the BLA is 2 + 0.3, up to the contribution of the line itself.
 
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=2)
@@ -208,7 +209,7 @@ class Bla(Channels):
     dof: np.ndarray
     level_source: str
     grid_factor: np.ndarray
-    levels: Any  # one, or a tuple of one an output: a union would ask every reader of the field for a cast
+    levels: Any  # one, or a tuple with one per output: a union would force every reader of the field to cast
     typical: float = 1.0
     coherence: ArrayField = None
     hold: str = "unknown"
@@ -237,7 +238,7 @@ class Bla(Channels):
                     f"got shape {array.shape}"
                 )
         if not self.is_single and len(self.levels) != n_y:
-            raise ValueError(f"levels must be one an output, {n_y} of them, got {len(self.levels)}")
+            raise ValueError(f"levels must be one per output, {n_y} of them, got {len(self.levels)}")
 
     @property
     def is_single(self) -> bool:
@@ -246,7 +247,7 @@ class Bla(Channels):
 
     @property
     def matrix(self) -> np.ndarray:
-        """(n_y, n_u, F) complex: G with its axes of channels, of one input and one output too."""
+        """(n_y, n_u, F) complex: G with its axes of channels, also for one input and one output."""
         return self.G.reshape(self.n_outputs, self.n_inputs, self.f.size)
 
     @property
@@ -261,7 +262,7 @@ class Bla(Channels):
 
     @property
     def var_distortion(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of one realisation's FRF about the BLA by distortion.
+        """(F,) or (n_y, n_u, F) variance by distortion of the FRF of one realisation about the BLA.
 
         It does not shrink with M. For P = 1 it contains the noise.
         """
@@ -269,20 +270,20 @@ class Bla(Channels):
 
     @property
     def var_even(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of one realisation's FRF as read on the even lines; nan without them."""
+        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation from the even lines; nan without them."""
         return self.experiment.n_realizations * self.entries(self.cov.even)
 
     @property
     def var_bound(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) scale of |G - G_BLA|^2 / var_bound ~ F(2, 2 dof), behind `bound`.
+        """(F,) or (n_y, n_u, F) scale of the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
 
-        Detection lines, roughness and scatter over realisations, pooled by one statistical model (the guide derives it
-        on its page on distortion). Its quantiles at 95 and 99.9 % are those of the model.
+        One statistical model pools detection lines, roughness and scatter over realisations (docs/guide/distortion.md).
+        Its quantiles at 95 and 99.9 % are those of the model.
         """
         return self.entries(self.cov.bound)
 
     def entries(self, cov: np.ndarray) -> np.ndarray:
-        """Return (F,) or (n_y, n_u, F) variances of the entries of G, of a covariance (n_y, n_y, F)."""
+        """Return (F,) or (n_y, n_u, F) variances of the entries of G, from a covariance (n_y, n_y, F)."""
         every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.cov.gamma).real
         return np.asarray(every[0, 0] if self.is_single else every)
 
@@ -293,17 +294,17 @@ class Bla(Channels):
 
     @property
     def unit(self) -> str:
-        """Unit of G of one input and one output, that of y over that of u; empty where neither is known."""
+        """Unit of G for one input and one output, that of y over that of u; empty if neither is known."""
         return ratio_unit(self.y_unit, self.u_unit)
 
     @property
     def upper_limit(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) bool: distortion does not stand out of the noise here, its level is an upper limit."""
+        """(F,) or (n_y, n_u, F) bool: distortion is below the noise here, so its level is an upper limit."""
         noise = np.apply_along_axis(local_mean, -1, np.nan_to_num(self.var_noise), 13)
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """Return the (n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation."""
+        """Return the (n_y, n_y, F) covariance of one experiment for the bound of the BLA, or of a realisation."""
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
@@ -313,15 +314,17 @@ class Bla(Channels):
         return self.cov.bound * (1 + share[:, None] * share)
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
-        """Return the radius of the disc around G, or around each entry of it, that holds the truth.
+        """Return the radius of the disc around G, or around each entry of it, that contains the true value.
+
+        Use `block` for a set that contains the whole matrix.
 
         Parameters
         ----------
         confidence : float
             Probability, strictly between 0 and 1.
         of : str
-            "bla": the disc holds the best linear approximation itself. "realization": it holds the FRF of a new
-            realisation of the same excitation; this is what a controller has to live with.
+            "bla": the disc contains the best linear approximation itself. "realization": it contains the FRF of a new
+            realisation of the same excitation; a controller has to cope with this one.
         simultaneous : bool
             False: the probability holds line by line, so at 95 % about one line in twenty lies outside.
             True: it holds for all lines (and all entries) together.
@@ -341,10 +344,10 @@ class Bla(Channels):
     def block(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that holds the whole matrix.
+        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that contains the matrix.
 
-        By the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's largest root), which is free of
-        unknowns. An ellipsoid would gain nothing: the smallest destabilising Delta has rank one.
+        It follows from the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's largest root), which
+        has no unknown parameters. An ellipsoid would gain nothing: the smallest destabilising Delta has rank one.
 
         Parameters
         ----------
@@ -372,7 +375,7 @@ class Bla(Channels):
         confidence : float
             Probability, strictly between 0 and 1.
         simultaneous : bool
-            Whether it holds for all lines (and all entries) together.
+            True: the quantile holds for all lines (and all entries) together.
 
         Returns
         -------
@@ -390,10 +393,10 @@ class Bla(Channels):
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def distorted_share(self) -> np.ndarray:
-        """Return the (F,) or (n_y, F) share of `var_bound` that is distortion: a new realisation scatters by it alone.
+        """Return the (F,) or (n_y, F) share of distortion in `var_bound`: a new realisation scatters by it alone.
 
-        Where noise dominates, total less noise is negative on every second line. So the difference is taken over nine
-        lines, with an allowance for chance; a single line that shows more counts by itself.
+        If noise dominates, total less noise is negative on every second line. So the difference is taken over nine
+        lines, with an allowance for chance. A single line with a larger share counts by itself.
         """
         noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():
@@ -410,12 +413,12 @@ class Bla(Channels):
         return share[0] if self.is_single else share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
-        """Estimate the order of magnitude of |G_BLA - G_0|, G_0 the FRF of the linear part alone: not a bound.
+        """Estimate the order of magnitude of |G_BLA - G_0|, with G_0 the FRF of the linear part alone: not a bound.
 
         Parameters
         ----------
         decibels : float
-            How far the systematic part stands over the odd detection level [dB]. A pure cubic on a special-odd grid has
+            Distance of the systematic part above the odd detection level [dB]. A pure cubic on a special-odd grid has
             7.7, friction near its resonance more.
 
         Returns
@@ -455,7 +458,7 @@ class Bla(Channels):
         )
 
     def every(self, step: int) -> Bla:
-        """Return the `Bla` on every `step`-th excited line, for a fit that does not need them all."""
+        """Return the `Bla` on every `step`-th excited line, for a fit that needs fewer lines."""
         some = slice(None, None, require_integer("step", step, least=1))
         cov = replace(self.cov.map(lambda part: part[..., some]), gamma=self.cov.gamma[..., some])
         levels = [
@@ -467,22 +470,22 @@ class Bla(Channels):
         return replace(self, lines=lines, cov=cov, levels=levels[0] if self.is_single else tuple(levels), **kept)
 
     def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
-        """Return the `Bla` with G times a factor (F,) and its variances times the squared modulus of that.
+        """Return the `Bla` with G multiplied by a factor (F,), and its variances by the squared modulus.
 
         The output amplitudes in `levels` stay as measured.
 
         Parameters
         ----------
         factor : (F,) ndarray
-            A number a line, as -1/omega**2 from acceleration to position.
-        output_unit : str, or one an output, optional
+            One number per line, as -1/omega**2 from acceleration to position.
+        output_unit : str, or one per output, optional
             Unit of the output behind the factor; `output_units` of this `Bla` for a factor that is a ratio. May be left
-            out where no unit is known, and where the factor turns the phase only.
+            out if no unit is known, or if the factor changes the phase only.
 
         Raises
         ------
         ValueError
-            A factor that may change a known unit, without `output_unit`.
+            The factor may change a known unit, and `output_unit` is missing.
 
         Examples
         --------
@@ -498,7 +501,7 @@ class Bla(Channels):
         if output_unit is None and any(self.output_units) and not np.allclose(square, 1.0):
             raise ValueError(
                 f"output_unit must be given, as the factor may change the unit of {', '.join(self.output_units)}: "
-                'output_unit="m" where it makes metres of an acceleration, output_unit=bla.output_units of a ratio'
+                'output_unit="m" if it makes metres of an acceleration, output_unit=bla.output_units for a ratio'
             )
         units = self.output_units if output_unit is None else output_unit
         units = (units,) if isinstance(units, str) else tuple(units)
@@ -507,8 +510,8 @@ class Bla(Channels):
     def roughness(self) -> np.ndarray:
         """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.
 
-        Where detection lines allow two readings, `var_total` takes the larger variance. The roughness of G does not
-        depend on that, but it is too high where G bends within a few lines, and misses distortion that is smooth.
+        The roughness of G does not depend on detection lines. It is too high where G bends within a few lines, and
+        misses distortion that is smooth over frequency.
 
         Returns
         -------
@@ -525,7 +528,7 @@ class Bla(Channels):
         Pintelon & Schoukens, 2nd ed., 7.2.2 (local polynomials).
         """
         if not self.is_single:
-            raise ValueError(f"bla must be of one input and output, got {self.G.shape}; take entry(output, input)")
+            raise ValueError(f"bla must have one input and one output, got {self.G.shape}; take entry(output, input)")
         if self.f.size < MIN_FIT_LINES or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
         return fit_locally(self.G[None], np.ones((1, self.f.size)), index=index_lines(self.lines)).variance[0]
@@ -560,7 +563,7 @@ class Bla(Channels):
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(parts) or 'nothing above rounding'}\n"
             f"  transient: {self.experiment.transient}; level from {source}"
-            + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
+            + (f"; distortion is below the noise on {hidden} lines: an upper limit there" if hidden else "")
             + (f"; {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
@@ -575,9 +578,9 @@ class DistortionLevels:
         Frequencies of the excited and of the odd and even detection lines [Hz].
     excited, odd, even : (M, F), (M, O), (M, E) complex ndarray
         Output amplitudes of each realisation, averaged over periods [unit of y]. On detection lines the linear
-        answer to whatever input energy stood there was taken off, Y - G U. The level is the rms over M.
+        response to the input on these lines is subtracted, Y - G U. The level is the rms over M.
     noise_excited, noise_odd, noise_even : (F,), (O,), (E,) ndarray
-        Standard deviation of those amplitudes by noise [unit of y]; nan where there was one period only.
+        Standard deviation of these amplitudes by noise [unit of y]; nan for one period only.
 
     References
     ----------
@@ -607,7 +610,7 @@ class DistortionLevels:
 
 
 def levels_without_detection(f: np.ndarray, excited: np.ndarray) -> DistortionLevels:
-    """Return the levels of amplitudes (F,) of one realisation on excited lines, where there are no detection lines."""
+    """Return the levels of amplitudes (F,) of one realisation on excited lines, without detection lines."""
     none = np.zeros(0)
     return DistortionLevels(
         f_excited=f,
@@ -634,7 +637,7 @@ def _describe_matrix(bla: Bla) -> str:
         relative = _median_over_lines(bla.bound() / gain)
         distortion = 10 * np.log10(_median_over_lines(bla.var_distortion / gain**2))
         noise = 10 * np.log10(_median_over_lines(made.n_realizations * bla.var_noise / gain**2))
-    has_noise = np.isfinite(bla.var_noise).any()  # which a single period does not show
+    has_noise = np.isfinite(bla.var_noise).any()  # a single period does not show noise
     for j, out in enumerate(bla.outputs):
         for i, name in enumerate(bla.inputs):
             k = int(gain[j, i].argmax())

@@ -1,9 +1,9 @@
 """Variance of a cubic's output on excited lines against that on detection lines, and a correction for the crest factor.
 
 For y = u^3 the output on line k sums every combination f1 + f2 + f3 = k of excited lines (Pintelon & Schoukens, 2nd
-ed., 3.4). How many combinations reach a detection line and how many an excited line depends on the grid, so a variance
-read on detection lines needs a factor before it holds on excited lines. The counts are exact for any amplitude
-spectrum: they are convolutions, computed by FFT, where simulation would need thousands of realisations.
+ed., 3.4). The grid decides how many combinations reach a detection line and how many an excited line. So a variance on
+detection lines needs a factor before it holds on excited lines. The counts are convolutions, computed by FFT, and exact
+for any amplitude spectrum; simulation would need thousands of realisations.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
-MAX_SPECIAL_ODD_RATIO = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
-#: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
-#: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
-#: the middle lines by 3/2 (of a fifth power the share is 6 / n).
+MAX_SPECIAL_ODD_RATIO = 3.0  # largest ratio on a special-odd grid, in a narrow band: 4.77 dB
+#: Times one over the number of lines: the share of the distortion that is one gain on all lines. Neither roughness nor
+#: detection lines show it. For the envelope a of a narrow band, with mean |a|^2 fixed, the mean of |a|^4 scatters by
+#: 4 / n and the middle lines by 3/2 (for a fifth power the share is 6 / n).
 COHERENT_SHARE = 8 / 3
-#: Lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies.
+#: Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its level varies.
 FEW_LINES = 27
-_MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
-_MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
-_NO_SCATTER = 1e-12  # of the squared gain of a cubic, below which its scatter is rounding
+_MAX_DISTORTION_RATIO = 3.0  # exceeded by one realisation in a hundred with thirty lines
+_MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with its allowance
+_NO_SCATTER = 1e-12  # share of the squared gain of a cubic below which its scatter is rounding
 _MIN_RATIO_ON_FEW_LINES, _MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
-#: Of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one.
+#: Factor on the gain that a cubic puts on all lines: a fifth power needs 9/4, a jump less than one.
 _HIGHER_ORDER_ALLOWANCE = 1.25
-#: Lines of all realisations past which they distort alike, within 17 %, unless their peaks are low.
+#: Number of amplitudes in all realisations above which they distort alike, within 17 %, unless their peaks are low.
 _ENOUGH_AMPLITUDES = 500
 
 
@@ -49,8 +49,8 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     Notes
     -----
     With p_k = A_k^2 / 4 (two-sided), S3 = p*p*p, S21(k) = sum_{2j+m=k} p_j^2 p_m and S111(k) = sum_{3j=k} p_j^3 the
-    variance is 4 (6 S3 - 9 S21 + 4 S111); at an excited line the coherent triples (j, -j, k), which make up the
-    BLA, are taken out of S3 and S21 first.
+    variance is 4 (6 S3 - 9 S21 + 4 S111). At an excited line the coherent triples (j, -j, k), which make up the
+    BLA, are removed from S3 and S21 first.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     power = amplitude * amplitude
     p[..., excited] = power / 4
     np.multiply(p[..., : last + 1], p[..., : last + 1], out=doubled[..., : 2 * last + 1 : 2])
-    # twice the real part is the DFT of the even sequence of which this is the half
+    # twice the real part is the DFT of the even sequence; this is one half of it
     spectrum, spectrum_doubled = 2 * np.fft.rfft(both).real
     spectrum_doubled *= -9
     spectrum_doubled += 6 * (spectrum * spectrum)
@@ -86,7 +86,7 @@ def variance_ratio(
     Parameters
     ----------
     amplitude : (..., F) ndarray
-        Amplitude spectrum of whatever drives the nonlinearity.
+        Amplitude spectrum of the signal that drives the nonlinearity.
     excited, detection : (F,), (O,) int ndarray
         Lines.
     window : (F, n) int ndarray
@@ -95,7 +95,7 @@ def variance_ratio(
     Returns
     -------
     (..., F) ndarray
-        The ratio; inf where the detection lines of a window hold no combination at all.
+        The ratio; inf if the detection lines of a window get no combination.
     """
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
@@ -113,7 +113,7 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     Low-crest signals excite less distortion. A low crest factor is either luck or the result of optimisation; both
     bias the level low. For a cubic the ratio is known exactly. With few lines, or a crest factor lower than usual, its
     square allows for a fifth power. The ratio is clipped at `_MAX_DISTORTION_RATIO`, the share at
-    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is another, and a nearly square input would ask for a factor
+    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is different, and a nearly square input would need a factor
     without bound.
 
     Parameters
@@ -128,14 +128,14 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     Returns
     -------
     distortion_ratio : float
-        Distortion power expected of random phases over that of the phases at hand: at least one; with fewer than
-        `FEW_LINES` lines, where high peaks are luck too, also less.
+        Expected distortion power with random phases over that with the given phases: at least one; with fewer than
+        `FEW_LINES` lines, where high peaks are luck too, it may be below one.
     coherent_share : float
-        Power of the distortion that is one gain on all lines, over the power that scatters about it.
+        Power of the distortion that is one gain on all lines, over the power of the scatter about it.
 
     Examples
     --------
-    Thirteen lines in phase are one high peak; Schroeder's phases have none. Either gain is far from the usual.
+    Thirteen lines in phase are one high peak; Schroeder's phases have none. Both gains are far from usual.
 
     >>> k = np.arange(1, 14)
     >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
@@ -158,17 +158,18 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
-    if whole <= _NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple falls on
+    if whole <= _NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple reaches
         return typical, _MAX_COHERENT_SHARE
     common = _HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
     return typical, common if few and n == 1 else min(max(common, chance), _MAX_COHERENT_SHARE)
 
 
 def _cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """Return the distortion power of u^3 expected of random phases over that of an input (M, F), and a gain difference.
+    """Return the expected distortion power of u^3 over that of an input (M, F), and a gain difference.
 
-    The second is the gain of the linear part of u^3, mean u^4 over mean u^2, less its expectation. The expectations
-    are exact, by the cumulants of a sum of cosines of independent phases: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
+    The expectation is over random phases. The gain difference is the gain of the linear part of u^3, mean u^4 over mean
+    u^2, less its expectation. The expectations are exact, by the cumulants of a sum of cosines with independent phases:
+    A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 for each.
     """
     second, fourth, sixth = _signal_moments(U, lines)
     gain = fourth / second
@@ -182,11 +183,11 @@ def _cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, fl
 
 def _signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the (3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
-    n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
+    n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines have half-wave symmetry
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U / 2
     u = np.fft.irfft(spectrum, n, norm="forward")
     if np.bitwise_and.reduce(lines) & 1:
-        u = u[:, : n // 2]  # the other half mirrors it
+        u = u[:, : n // 2]  # the other half is its negative
     square = u * u
     return np.array([np.vecdot(x, x) for x in (u, square, square * u)]) / u.shape[1]

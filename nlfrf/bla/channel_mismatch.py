@@ -1,9 +1,9 @@
-"""A channel whose gain or delay differs in one experiment from the others.
+"""A channel whose gain or delay in one experiment differs from that in the others.
 
-A channel that is off by a factor 1 + a in experiment e leaves V = Y - G U = a X there, X what the channel adds to G U.
-So a is the weighted regression of V on X over all lines. X has the random phases of that experiment, which no smooth G
-has: the regression finds a mismatch long before the matrix jumps from line to line. An error that all experiments have
-in common looks like the plant and is not found.
+A channel that is wrong by a factor 1 + a in experiment e leaves V = Y - G U = a X there, with X its contribution to
+G U. So a is the weighted regression of V on X over all lines. X has the random phases of that experiment, and a smooth
+G has not: the regression finds a mismatch long before the matrix jumps from line to line. An error that all experiments
+have in common looks like the plant and is not found.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
-#: Standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance.
+#: Least significance in standard deviations. It is divided by 1 + _FEW_LINES_WIDENING over the number of lines that
+#: weigh, because a few lines scatter by chance.
 _MIN_SIGNIFICANCE, _FEW_LINES_WIDENING = 4.0, 10.0
-#: Error by it over the variance of G from which to warn: the bound then holds 91 % instead of 95 %.
+#: Squared error by the mismatch over the variance of G above which it is warned of: the bound then holds for 91 %
+#: instead of 95 %.
 _MIN_RELATIVE_ERROR = 0.25
-_MAX_LINE_WEIGHT = 3.0  # times the usual line that one may weigh
+_MAX_LINE_WEIGHT = 3.0  # largest weight of a line, over the usual weight
 
-#: Of the weight of a line in the most telling experiment, under which a channel was not played.
+#: Usual weight of a line over that in the strongest experiment, below which a channel was not played.
 _MIN_EXPERIMENT_WEIGHT = 1e-9
-_RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
+_RIVAL_SHARE = 0.8  # least significance of a rival channel, over that of the most significant one
 
-
-Mismatch = tuple[float, int, str, str]  # significance, experiment, name of the channel, what is said of it
+Mismatch = tuple[float, int, str, str]  # significance, experiment, name of the channel, description
 
 
 def warn_of_mismatch(
@@ -42,9 +43,9 @@ def warn_of_mismatch(
     level: np.ndarray,
     retained: float,
 ) -> bool:
-    """Warn of the channel and the experiment that differ most, where the bound of G would not hold.
+    """Warn of the channel and the experiment that differ most, if the bound of G would not hold.
 
-    `retained` is the share of the mismatch left in the residual: the G that was subtracted has fitted the rest.
+    `retained` is the share of the mismatch left in the residual: the subtracted G contains the rest.
     """
     if excited.U.shape[1] < 2:
         return False
@@ -56,9 +57,9 @@ def warn_of_mismatch(
     others = " or ".join(sorted({rival for s, at, rival, _ in found if s > least and at == experiment} - {name}))
     data_warning(
         f"{text} in experiment {experiment} of {excited.U.shape[1]} than in the others"
-        f"{f' ({others} would explain it nearly as well)' if others else ''}, by what all lines together tell: G is of "
-        "no one machine, and its bound does not hold. Was a range changed, or is the channel of another run? Measure "
-        "that experiment again, or correct it where the change is known"
+        f"{f' ({others} would explain it nearly as well)' if others else ''}, according to all lines together: G "
+        "describes no single machine, and its bound does not hold. Was a range changed, or is the channel from another "
+        "run? Measure that experiment again, or correct it if the change is known"
     )
     return True
 
@@ -79,16 +80,16 @@ def _estimate_mismatches(
     size = np.mean(squared_modulus(excited.Y), axis=1)
     weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), SMOOTHING_LINES) + 1e-24 * size + TINY)
     C = level + TINY
-    samples = record.n_samples / (2 * np.pi * excited.lines)  # by which a line is late, for a radian
+    samples = record.n_samples / (2 * np.pi * excited.lines)  # delay of a line by one radian
     X = G[:, :, None] * excited.U  # (n_y, n_u, M, F)
     outputs = X.sum(axis=1)
     n_y = len(outputs)
     channels = [(name, slice(j, j + 1), outputs[j : j + 1]) for j, name in enumerate(record.outputs)]
-    if not excited.is_zippered:  # what is recorded too high answers too little
+    if not excited.is_zippered:  # an input recorded too large makes the output too small
         channels += [(name, slice(n_y), -X[:, i]) for i, name in enumerate(record.inputs)]
     channels += [(f"all of {', '.join(record.outputs)}", slice(n_y), outputs)] * (n_y > 1)
-    # one nonlinearity sends a product of four lines to each of them: what it does to the gain on all of them is twice
-    # what they tell one by one (a delay has each with either sign, and is none)
+    # one nonlinearity sends a product of four lines to each of them: its effect on the gain over all lines is twice
+    # that of single lines (a delay has each product with either sign, so it cancels)
     curvature_factor = 1 + np.clip(1 - np.median(noise / C, axis=1), 0.0, 1.0)
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
@@ -119,10 +120,10 @@ def _estimate_mismatch(
 ) -> tuple[float, float, int]:
     """Regress the residual V (n, M, F) on X (n, M, F) in each experiment and return the one that differs most.
 
-    That is its mismatch, relative or in samples, positive for a channel that is too large, or late; that over its
-    standard deviation by chance; the number of the experiment, from 1 on.
-    `weight` and `level` (n, F) are the weight of each line and the variance of V. The standard deviation of the factor
-    comes from its scatter over the lines, times `common_scatter` for what distortion has in common on all lines.
+    Returns its mismatch, relative or in samples, positive for a channel that is too large or late; its significance in
+    standard deviations; and the number of the experiment, from 1 on. `weight` and `level` (n, F) are the weight of each
+    line and the variance of V. The standard deviation of the factor comes from its scatter over the lines, times
+    `common_scatter` for the part of the distortion that all lines have in common.
     """
     along = np.sum((V.real * X.real + V.imag * X.imag) * weight[:, None], axis=0)  # (M, F)
     power = squared_modulus(X)
@@ -130,10 +131,10 @@ def _estimate_mismatch(
     usual = np.median(whole, axis=1)
     on = np.flatnonzero(usual > _MIN_EXPERIMENT_WEIGHT * usual.max())
     M = on.size
-    if M < 2:  # what was played once differs from nothing
+    if M < 2:  # a channel that was played once cannot be compared
         return 0.0, 0.0, 1
     along, power, whole = along[on], power[:, on], whole[on]
-    # a peak that the fit follows leaves nothing of V, and would weigh most
+    # a peak that the fit follows leaves V near zero, and would weigh most
     most = _MAX_LINE_WEIGHT * usual[on, None]
     trust = most / np.maximum(whole, most)
     along, whole = along * trust, whole * trust

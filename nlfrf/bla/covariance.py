@@ -1,6 +1,6 @@
 """Hermitian matrices on every line, the line as last axis: products, inverses, correlations, square roots.
 
-For one channel each function is a scalar product, so that SISO records do not pay for the axes.
+For one channel each function is a scalar operation, so that SISO records pay no overhead.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.numbers import squared_modulus
 
-_MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
+_MIN_EIGENVALUE = 1e-8  # share of the largest eigenvalue of a correlation: one nonlinearity alone gives rank one
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -50,7 +50,7 @@ def sum_outer_products(V: np.ndarray) -> np.ndarray:
 def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Split a covariance into its correlation (..., n, n, F) and the standard deviations (..., n, F) of its channels.
 
-    Eigenvalues are floored or cut on the correlation: those of a covariance mix units, metres and newtons.
+    Eigenvalues are floored or cut on the correlation, because those of a covariance mix units (metres and newtons).
     """
     size = np.sqrt(diagonal(cov))
     size = np.where(size > 0, size, 1.0)

@@ -2,7 +2,7 @@
 
 Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two fail for different reasons: detection lines need a grid that
 calibrates and a steady record, roughness needs an FRF that is smooth over a few lines. The phases of the detection
-lines add what the order of the nonlinearity is: those of a cubic are the phases of the cube of its source.
+lines show the order of the nonlinearity: for a cubic they are the phases of the cube of its source.
 """
 
 from __future__ import annotations
@@ -21,42 +21,42 @@ from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import chance_correlation, local_mean
 
-DISAGREEMENT_DB = 6.0  # dB
-_MIN_DETECTION_LINES = 4  # detection lines
+DISAGREEMENT_DB = 6.0  # [dB]
+_MIN_DETECTION_LINES = 4
 
-_MIN_RELATIVE_LEVEL = 1e-12  # of the largest power, under which it is rounding
-_FALSE_ALARM_PROBABILITY = 1e-3  # with which phases may agree by it
-_MIN_SIGNAL_SHARE = 0.7  # share of the power on detection lines that is no noise, at least
-_MIN_POWER_LAW_COHERENCE = 0.6  # share in common with any power of its drive under which a law is flatter than those
-_SAMPLES_PER_CYCLE = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
+_MIN_RELATIVE_LEVEL = 1e-12  # share of the largest power below which a power is rounding
+_FALSE_ALARM_PROBABILITY = 1e-3  # probability that phases agree by chance
+_MIN_SIGNAL_SHARE = 0.7  # least share of the power on detection lines above the noise
+_MIN_POWER_LAW_COHERENCE = 0.6  # least coherence with a power of the source; below it the law is flatter
+_SAMPLES_PER_CYCLE = 6  # samples per cycle of the last line, so that fifth powers alias beyond it
 _SOURCE_TEXTS = (
     "the input, before the dynamics",
     "the output, fed back as by a spring",
     "the input, in parallel with the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-_MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, below which the law is a cubic
-_MIN_FIFTH_COHERENCE = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
+_MAX_CUBIC_REMAINDER_RATIO = 0.35  # remainder of the cube over that of the fifth power, below which the law is a cubic
+_MIN_FIFTH_COHERENCE = 0.8  # least coherence with a fifth power for a law that is no cubic
 
 
 @value
 class SecondOpinion:
-    """Two estimates of the same distortion, as variances of one realisation's FRF, and where they disagree.
+    """Two estimates of the same distortion, as variances of the FRF of one realisation, and their difference.
 
     Fields
     ------
     f : (F,) ndarray
         Excited frequencies [Hz].
     detection : (F,) ndarray
-        Variance read on the odd detection lines, calibrated; nan where the grid has too few of them.
+        Variance from the odd detection lines, calibrated; nan if the grid has too few of them.
     roughness : (F,) ndarray
-        Variance read from the roughness of the FRF over the excited lines.
+        Variance from the roughness of the FRF over the excited lines.
     difference : (F,) ndarray
-        Roughness over detection [dB], averaged over the nine lines around each.
+        Ratio of `roughness` to `detection` [dB], averaged over nine neighbouring lines.
     unit : str
-        Unit of G, where the record says it.
+        Unit of G, if the record has it.
     law : str
-        Order of the nonlinearity by the phases of the odd detection lines, described; empty where it is not known.
+        Description of the order of the nonlinearity, by the phases of the odd detection lines; empty if unknown.
 
     References
     ----------
@@ -81,11 +81,11 @@ class SecondOpinion:
 
     @property
     def disagree(self) -> np.ndarray:
-        """(F,) bool: where the two differ by more than 6 dB."""
+        """(F,) bool: lines on which the two differ by more than 6 dB."""
         return np.abs(self.difference) > DISAGREEMENT_DB
 
     def __str__(self) -> str:
-        """Describe whether the two agree, and what it usually means where they do not."""
+        """Describe the agreement of the two, and the usual reasons for a difference."""
         if not np.isfinite(self.difference).any():
             return "second opinion: this grid has too few odd detection lines to compare the roughness of the FRF with"
         median = np.median(self.difference)
@@ -93,13 +93,13 @@ class SecondOpinion:
         for wrong, meaning in (
             (
                 self.difference > DISAGREEMENT_DB,
-                "the FRF bends within a few lines there (a finer resolution would tell), or the detection lines are "
-                "blind to this distortion",
+                "the FRF bends within a few lines there (a finer resolution would show it), or the detection lines do "
+                "not see this distortion",
             ),
             (
                 self.difference < -DISAGREEMENT_DB,
-                "energy stands on detection lines that is no distortion of this input: a disturbance, a transient, or "
-                "a multisine that was not the one assumed; or the calibration is at its cautious end (factor 3)",
+                "the detection lines contain power that is no distortion of this input: a disturbance, a transient, or "
+                "a multisine other than the assumed one; or the calibration is at its cautious end (factor 3)",
             ),
         ):
             if wrong.any():
@@ -113,13 +113,16 @@ class SecondOpinion:
 
 
 def second_opinion(record: Record, *, transient: str = "auto", n_detection: int = 6) -> SecondOpinion:
-    """Estimate the distortion of a record twice, by means that fail for different reasons.
+    """Estimate the distortion of a record twice, by methods that fail for different reasons.
+
+    Use this if a bound looks too wide or too narrow: the printed result names the lines on which the two estimates
+    differ, and the usual reasons.
 
     Parameters
     ----------
     record : Record
     transient, n_detection
-        As of `identify`.
+        As in `identify`.
 
     Returns
     -------
@@ -128,7 +131,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     Raises
     ------
     ValueError
-        As of `identify`; several inputs or outputs, fewer than five excited lines.
+        As in `identify`; also for several inputs or outputs, or fewer than five excited lines.
 
     References
     ----------
@@ -145,8 +148,8 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     require_kind("record", record, Record)
     if not record.is_single:
         raise ValueError(
-            f"record must be of one input and one output, got {record.n_inputs} and {record.n_outputs}: of several "
-            "identify weighs detection lines and roughness itself"
+            f"record must have one input and one output, got {record.n_inputs} and {record.n_outputs}: for several "
+            "channels identify weighs detection lines and roughness itself"
         )
     require_choice("transient", transient, TREATMENTS)
     n_detection = require_integer("n_detection", n_detection, least=3)
@@ -163,7 +166,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
         law = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
     window = index.excited_windows
-    # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
+    # rounding of the FRF, or of a very small output, is no disagreement
     rounding = EPS**2 * mean_power(spectra.Y[0]).sum() / rms(excited.U[0]) ** 2
     floor = TINY + 1e-24 * rms(frm.G_each[:, 0, 0]) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
@@ -184,10 +187,9 @@ class _NonlinearityOrder:
     Fields
     ------
     order : int
-        3: a cubic. 5: it may be a fifth power. 1: flatter than any power: it saturates, jumps or has a memory. 0:
-        unknown.
+        3: a cubic. 5: may be a fifth power. 1: flatter than any power: saturation, jump or memory. 0: unknown.
     coherence : float
-        Squared coherence of those lines with the cube of their source.
+        Squared coherence of these lines with the cube of their source.
     hypothesis : int
         Source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind them.
     """
@@ -197,7 +199,7 @@ class _NonlinearityOrder:
     hypothesis: int = 0
 
     def describe(self, gain_varies: bool, one_period: bool) -> str:
-        """Describe the order, and its source where |G| varies over the band; an empty text where it is unknown."""
+        """Describe the order, and its source if |G| varies over the band; empty if the order is unknown."""
         if self.order == 3:
             what = _SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
@@ -214,21 +216,21 @@ UNKNOWN_ORDER = _NonlinearityOrder()
 
 
 def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _NonlinearityOrder:
-    """Find the power of the input, or of the output, whose phases the odd detection lines have.
+    """Find the power of the input, or of the output, whose phases match those of the odd detection lines.
 
-    The lines are scaled to one power, so that phases alone count, over all lines and realisations. The squared
-    coherence is corrected for chance and for noise.
+    The lines are scaled to one power, so that only phases count, over all lines and realisations. The squared coherence
+    is corrected for chance and for noise.
 
     Parameters
     ----------
     excited : Spectra
-        On the excited lines.
+        Spectra on the excited lines.
     residual : NonlinearResidual
     """
     index = excited.index
     U = excited.U[
         0, : max(1, BLOCK_ENTRIES // (_SAMPLES_PER_CYCLE * int(index.lines[-1])))
-    ]  # of long periods few realisations tell enough
+    ]  # for long periods few realisations suffice
     Y = residual.Y[0, : len(U)].take(index.odd, axis=1)
     n = Y.size
     if index.odd.size < _MIN_DETECTION_LINES or not Y.any():
@@ -239,7 +241,7 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _Nonli
     np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
     level = _smooth_power(mean_power(Y))
     noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), SMOOTHING_LINES)
-    signal_share = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
+    signal_share = np.maximum(1 - noise / level, 0.0)  # weight of a line: its share above the noise
     share = float(signal_share.mean())
     if share < _MIN_SIGNAL_SHARE:
         return UNKNOWN_ORDER
@@ -273,7 +275,7 @@ def _smooth_power(power: np.ndarray) -> np.ndarray:
 def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
     """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on `lines`."""
     last = int(max(excited[-1], lines[-1]))
-    n = 2 * fast_length(_SAMPLES_PER_CYCLE // 2 * last + 1)  # terms beyond alias onto lines past the last one
+    n = 2 * fast_length(_SAMPLES_PER_CYCLE // 2 * last + 1)  # higher terms alias onto lines beyond the last one
     spectrum = np.zeros((len(sources), *sources[0].shape[:-1], n // 2 + 1), dtype=complex)
     for one, drive in zip(spectrum, sources, strict=True):
         one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)
@@ -284,7 +286,7 @@ def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: n
 
 
 def _format_frequency_ranges(f: np.ndarray, mask: np.ndarray) -> str:
-    """Format the frequencies where a mask holds, as a few ranges."""
+    """Format the frequencies of a mask as a few ranges."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     pairs = [(f[a], f[b - 1]) for a, b in edges.reshape(-1, 2)]
     shown = [f"{a:g} Hz" if a == b else f"{a:g} to {b:g} Hz" for a, b in pairs[:4]]

@@ -1,17 +1,17 @@
 """The variance of one realisation's FRF about the BLA: one statistical model of stochastic nonlinear distortion.
 
-The guide derives it on one page (docs/guide/distortion.md). On an odd line j the distortion Y_S is complex normal with
+docs/guide/distortion.md derives it on one page. On an odd line j the distortion Y_S is complex normal with
 
     E|Y_S(j)|^2 = lambda g(j) c(j),        log lambda locally linear over frequency.
 
-Six hypotheses, equal before the data. Its *place*: g = |G|^2 (before the dynamics) or 1 (behind them). Its *law*: c is
-what a cubic of the input makes of line j, what a cubic of the output makes of it, or 1 (saturation, jump, friction).
+Six hypotheses have equal prior weight. Their *place*: g = |G|^2 (before the dynamics) or 1 (behind them). Their *law*:
+c is the power of a cubic of the input on line j, that of a cubic of the output, or 1 (saturation, jump, friction).
 The data are the powers on the nearest detection lines, the roughness of the FRF over its excited lines (Pintelon &
 Schoukens, 7.2.2), and the scatter over realisations. Each is a scaled chi-square. So the posterior of the variance is
-a mixture of scaled inverse chi-squares, and the error of G over it one of scaled F(2, 2 nu).
+a mixture of scaled inverse chi-squares, and the distribution of the error of G is a mixture of scaled F(2, 2 nu).
 
-Functions work on arrays whose last axis is that of the excited lines, (F,). Hypotheses (H,) stand along the first axis,
-the lines of a window (n,) along the second.
+Functions work on arrays whose last axis is that of the excited lines, (F,). Hypotheses (H,) are on the first axis, the
+lines of a window (n,) on the second.
 """
 
 from __future__ import annotations
@@ -41,48 +41,48 @@ _CALIBRATION_LOG_VARIANCE = 0.06
 #: f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines the logarithm of frequency is cut off: a
 #: level does not grow without end towards zero frequency. Halving either changes the loss by less than 0.5 %.
 _SLOPE_PER_LOG_FREQUENCY, _SLOPE_PER_LINE, _LOWEST_LINES = 1.0, 0.05, 4.0
-_EVIDENCE_LINES = 9  # excited lines around each whose likelihoods weigh the hypotheses; 7 to 13 lose as much
-#: Roughness is distortion, or G bends within its window: equal before the data. A bend shows anything from the level to
-#: e^7 above it, with equal density in dB. Half or twice that range changes the loss by 0.5 %.
+_EVIDENCE_LINES = 9  # neighbouring excited lines whose likelihoods weigh the hypotheses; 7 to 13 give the same loss
+#: Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any roughness from the level
+#: to e^7 above it, with equal density in dB. Half or twice that range changes the loss by 0.5 %.
 _BEND_RANGE = 7.0
-_ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows, which overlap
-#: One realisation in five cases has a level that is not that of the scatter, by a log-variance of 2 (6 dB): the weight
-#: with which scatter over realisations stands by itself.
+_ROUGHNESS_EVIDENCE = 2.0  # number of independent roughnesses in nine neighbouring, overlapping windows
+#: In one case of five the level from detection lines differs from the scatter by a log-variance of 2 (6 dB): the weight
+#: of scatter over realisations by itself.
 _UNRELATED, _UNRELATED_LOG_VARIANCE = 0.2, 2.0
-#: Of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves.
+#: Least count over the mean of a cubic's counts on a window: other orders fill the lines that a cubic leaves empty.
 _MIN_RELATIVE_COUNT = 0.1
-#: What the cubic of an output makes of the excited line at three times a light resonance, over its mean on the window.
-#: Of an input it is `MAX_SPECIAL_ODD_RATIO`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
+#: Largest count for the cubic of an output, over its mean on the window: at the excited line at three times a light
+#: resonance. For an input it is `MAX_SPECIAL_ODD_RATIO`: a special-odd grid reaches 3 (4.77 dB) in a narrow band.
 _MAX_OUTPUT_RATIO = 12.0
-_MAX_WINDOW_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
-_N_SCORING_STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
-_ENOUGH_REALIZATIONS = 7  # realisations whose scatter tells more than the roughness, which may read too high
-_ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the distortion
-#: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
-#: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
+_MAX_WINDOW_SHAPE = 30.0  # largest mean over a roughness window by its own line: lines far below carry no information
+_N_SCORING_STEPS = 2  # a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
+_ENOUGH_REALIZATIONS = 7  # realisations whose scatter is better than the roughness, which may be too high
+_ENOUGH_ROUGHNESS_LINES = 20  # lines on which roughness contains most of the distortion
+#: A factor common to all outputs costs a level degrees of freedom. The law of the matrix gets this share of them back:
+#: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the factor of 0.06 and 0.15.
 _COMMON_ERROR = 0.5
-#: Log of the tail probabilities at which the scaled F that stands for the mixture has its quantiles.
+#: Log of the tail probabilities at which the scaled F and the mixture have equal quantiles.
 _LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
 _LOG_TAILS = np.array(_LOG_TAIL_PROBABILITIES)[:, None]
-_N_NEWTON_STEPS = 3  # of Newton's method; more change no radius by 5e-4
+_N_NEWTON_STEPS = 3  # further steps change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
-    """Covariance of one experiment's residual by everything but the BLA: what `FrmEstimate.gamma` multiplies.
+    """Covariance of the residual of one experiment by everything but the BLA; `FrmEstimate.gamma` multiplies it.
 
     Fields
     ------
     cov : (n_y, n_y, F) ndarray
-        Its expectation at each excited line, noise included.
+        Expectation at each excited line, noise included.
     cov_bound, dof : (n_y, n_y, F), (F,) ndarray
-        Of its diagonal the scaled F(2, 2 dof) of the error of each output's row: the 95 % quantile, and of one output
-        that at 99.9 % too, are those of the mixture.
+        On its diagonal the scale of the scaled F(2, 2 dof) for the error of each output's row. Its 95 % quantile, and
+        for one output also that at 99.9 %, are those of the mixture.
     grid_factor : (F,) ndarray
         c at the excited line over its mean on the detection lines, averaged over hypotheses and outputs.
     cov_even : (n_y, n_y, F) ndarray
-        What the even lines show, noise included; nan without them.
+        Covariance on the even lines, noise included; nan without them.
     detected : (n_y, F) ndarray
-        The variance that the odd detection lines show by themselves, noise included; nan without them.
+        Variance from the odd detection lines alone, noise included; nan without them.
     """
 
     cov: np.ndarray
@@ -109,9 +109,9 @@ class _OutputVariance(NamedTuple):
     Fields
     ------
     variance, var_bound, dof, grid_factor, detected : (F,) ndarray
-        As of `DistortionVariance`.
+        As in `DistortionVariance`.
     rough_is_distortion : (F,) ndarray
-        Probability of that; otherwise G bends.
+        Probability that the roughness is distortion; otherwise G bends.
     """
 
     variance: np.ndarray
@@ -124,7 +124,7 @@ class _OutputVariance(NamedTuple):
 
 @value(copy=False)
 class WindowCoordinates:
-    """The coordinates of a grid for the log-linear fit, and its normal equations, which no record changes.
+    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the grid alone.
 
     Fields
     ------
@@ -133,11 +133,11 @@ class WindowCoordinates:
     x_rough : (F,) ndarray
         Mean position of the excited lines of a roughness window.
     common, x_common : float, (F,) ndarray
-        Weight of the calibration error that the lines of a window share; that times the sum of x over the window.
+        Weight of the calibration error common to a window; the same times the sum of x over the window.
     n_lines : float
-        What the lines of a window weigh for the level, in lines.
+        Weight of the lines of a window for the level, as a number of lines.
     covariance : (3, F) ndarray
-        Inverse of the normal equations: of the level, of level and slope, of the slope with its prior.
+        Inverse of the normal equations: level, level with slope, slope with its prior.
     dof : (F,) ndarray
         Degrees of freedom of the level.
     n_distinct : (F,) ndarray
@@ -164,13 +164,13 @@ class _OutputData(NamedTuple):
     Y : (M, F) complex ndarray
         The output on the excited lines.
     gain, noise : (K,) ndarray
-        As of `NonlinearResidual`; the noise over neighbouring lines, or None.
+        As in `NonlinearResidual`; the noise averaged over neighbouring lines, or None.
     gain_varies : bool
         Whether the gain changes over the band.
     rough, dof_rough : (F,) ndarray or None
-        Roughness of its FRFs as a variance of the residual, and the complex degrees of freedom behind it.
+        Roughness of its FRFs as a variance of the residual, and its complex degrees of freedom.
     scatter : (F,) ndarray
-        Variance of the residual by the scatter over sets.
+        Variance of the residual from the scatter over sets.
     """
 
     power: np.ndarray
@@ -193,26 +193,26 @@ def estimate_distortion_variance(
     coherent: float,
     n_independent: int,
 ) -> DistortionVariance:
-    """Estimate the covariance of one experiment's residual and the distribution of the error that it makes.
+    """Estimate the covariance of the residual of one experiment, and the distribution of the error that it causes.
 
-    The model is that of each output's row. What the rows have in common, their correlation, comes from the same data:
-    detection lines, roughness where it is distortion, scatter over sets, weighted by their degrees of freedom.
+    The model holds for the row of each output. The correlation of the rows comes from the same data: detection lines,
+    roughness as far as it is distortion, scatter over sets, weighted by their degrees of freedom.
 
     Parameters
     ----------
     source : str
         "detection", "roughness" or "realizations", see `choose_source`.
     excited : Spectra
-        On the excited lines.
+        Spectra on the excited lines.
     residual : NonlinearResidual
-        What the linear model leaves of the outputs on all lines.
+        Nonlinear residual on all lines.
     frm : FrmEstimate
     fit : LocalFit or None
-        Of each set, for the roughness; None where it is not used.
+        Local fit of each set, for the roughness; None if unused.
     coherent : float
-        Distortion that is one gain on all lines, over what scatters about it (`crest_correction`): no data show it.
+        Distortion that is one gain on all lines, over the scatter about it (`crest_correction`): no data show it.
     n_independent : int
-        Experiments with phases of their own, whose detection lines count.
+        Number of experiments with their own phases, whose detection lines count.
     """
     n_y, R = len(residual.Y), len(frm.G_each)
     nu = excited.experiments_per_set * (R - 1)
@@ -301,7 +301,7 @@ def _estimate_output_variance(
 
 
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
-    """Return the (F,) expected variance of the first output's residual by detection lines alone, noise included."""
+    """Return the (F,) expected variance of the first output's residual from detection lines alone, noise included."""
     row = _collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
     return _level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1])[-1]
 
@@ -325,9 +325,10 @@ def _pool_correlations(
     M: int,
     nu: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the correlation (n_y, n_y, F) of the outputs, and the complex degrees of freedom (F,) behind it.
+    """Return the correlation (n_y, n_y, F) of the outputs, and its complex degrees of freedom (F,).
 
-    Correlations on detection lines, of the roughness and of the scatter, weighted by their degrees of freedom.
+    It averages the correlations on detection lines, of the roughness and of the scatter, weighted by their degrees of
+    freedom.
     """
     parts: list[tuple[np.ndarray, np.ndarray | float]] = []
     if source == "detection":
@@ -358,8 +359,8 @@ def _correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
 def _pool_dof(found: list[_OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return degrees of freedom (F,) for all rows, and scales (n_y, F) that keep the 95 % quantile of each row.
 
-    The calibration error is one factor for all outputs. It widens the distribution of the matrix as it widens that of
-    an entry, less than the same loss of degrees of freedom would.
+    The calibration error is one factor for all outputs. It widens the distribution of the matrix as that of an entry,
+    and less than the same loss of degrees of freedom would.
     """
     n_y = len(found)
     own = n_y / np.add.reduce([1 / one.dof for one in found])
@@ -385,11 +386,11 @@ def _level_from_detection_lines(
     Returns
     -------
     log_level, dof, log_weight : (C, F) ndarray
-        Log variance, its degrees of freedom, log weight of each component.
+        Log variance, degrees of freedom and log weight of each component.
     factors : (H, F) ndarray
         c at the excited line over its mean on the window.
     detected : (F,) ndarray
-        Variance expected by the detection lines alone.
+        Expected variance from the detection lines alone.
     """
     index = excited.index
     windows = window_coordinates(index, M)
@@ -412,7 +413,7 @@ def _level_from_detection_lines(
         return log_level, windows.dof + zeros, evidence, factors, detected
     density, share, dof = _roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
-    # of one level all over the window: the levels of its lines as estimated scatter with the very data they are held to
+    # one level over the whole window: estimated levels of its lines would scatter with the data they are compared with
     over = _mean_over_window(np.where(before[:, None], row.gain.take(here), 1.0), excited)
     if row.noise is not None:
         noise = row.noise.take(here)
@@ -441,12 +442,12 @@ def _mean_over_window(variance: np.ndarray, excited: Spectra) -> np.ndarray:
 
 
 def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the H hypotheses of place and law; where |G| is constant over the band, places and sources are one.
+    """Return the H hypotheses of place and law; if |G| is constant over the band, places and sources coincide.
 
     Returns
     -------
     before_dynamics : (H,) bool ndarray
-        Whether the distortion passes through the dynamics.
+        True if the distortion passes through the dynamics.
     on_window : (H, n, F) ndarray
         c on the lines of each window, over its mean there.
     factors : (H, F) ndarray
@@ -469,14 +470,14 @@ def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np
 
 
 _BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
-#: Where |G| is constant over the band, the cubic of the input and that of the output are one law.
+#: If |G| is constant over the band, the cubic of the input and that of the output are one law.
 _EQUAL_LOG_PRIOR, _CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
 
 
 def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return c of the cubic of a source (F,) on the windows (n, F) and excited lines (F,), over its mean on the window.
+    """Return c for the cubic of a source (F,) on windows (n, F) and at excited lines (F,), over its mean on the window.
 
-    The latter from 1/3 to `highest`; 3 where the lines of a window hold no combination at all.
+    The ratio at excited lines is between 1/3 and `highest`, and 3 if the lines of a window get no combination.
     """
     lines, near = index.lines[index.excited], index.odd_windows.T
     counts = cubic_variance(amplitude, lines, np.concatenate([lines, index.detection]))
@@ -501,7 +502,7 @@ def _flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
     return relative, factors
 
 
-_MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
+_MIN_RELATIVE_POWER = 1e-10  # share of the largest expected power in a window
 
 
 def expected_total(
@@ -509,15 +510,15 @@ def expected_total(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the expected power on the lines of a window (H, n, F) over that at its excited line, and that (H, F).
 
-    The noise is known from the periods. The distortion d in q_j = d a_j + n_j by maximum likelihood, scoring on
-    exponentially distributed powers (n, F); the first step weighs as without noise.
+    The noise is known from the periods. The distortion d in q_j = d a_j + n_j is found by maximum likelihood, with
+    scoring for exponentially distributed powers (n, F). The first step has the weights of the case without noise.
     """
     excess, floor = power - noise, noise + TINY
     d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
     for _ in range(_N_SCORING_STEPS):
         expected = d[:, None] * shape
         expected += floor
-        # relative to the largest, as powers of rounding underflow in the square, and some are exactly zero
+        # relative to the largest: squares of rounding errors underflow, and some powers are exactly zero
         expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], _MIN_RELATIVE_POWER)
         weighted = shape / (expected * expected)
         d = np.maximum(np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0)
@@ -532,16 +533,16 @@ def fit_log_level(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y (H, n, F).
 
-    Gamma likelihood of M degrees of freedom a line, log-linear mean, standard normal prior of the slope, a calibration
-    error common to the window: scoring, whose information matrix does not depend on the data.
+    The likelihood is gamma with M degrees of freedom per line and a log-linear mean. The slope has a standard normal
+    prior; a calibration error is common to the window. Scoring has an information matrix independent of the data.
     """
     x, n = windows.x, len(windows.x)
     var_level, cov_slope, var_slope = windows.covariance
     common = windows.common
     mean = np.add.reduce(y, axis=1) / n
-    # the first step starts from the mean and no slope: what it leaves has no sum
+    # the first step starts from the mean and zero slope: its residuals sum to zero
     by_slope = M * np.add.reduce((y / mean[:, None] - 1) * x, axis=1)
-    # steps of at most 1.5: a single line far above the others would throw the first one
+    # steps of at most 1.5: a single line far above the others would spoil the first one
     level, slope = np.log(mean) + _clip(cov_slope * by_slope, -1.5, 1.5), _clip(var_slope * by_slope, -1.5, 1.5)
     for _ in range(1, _N_SCORING_STEPS):
         rest = slope[:, None] * x
@@ -566,13 +567,13 @@ def fit_log_level(
 def _level_from_roughness(
     index: LineIndex, rough: np.ndarray, *, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
+    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, with nu degrees of freedom.
 
-    The level of G, gamma times that of the residual, has a small slope. At the ends of the band windows lie to one
-    side of their lines: the slope over three windows side by side, with its prior, extrapolates the level.
+    The level of G, gamma times that of the residual, has a small slope. At the ends of the band windows are one-sided:
+    the slope over three neighbouring windows, with its prior, extrapolates the level.
     """
     rough = rough + TINY
-    if rough.size < FEW_LINES:  # one window, or two that overlap, tell no slope
+    if rough.size < FEW_LINES:  # one window, or two that overlap, do not show a slope
         return np.log(rough)[None], nu[None]
     x, F = _roughness_positions(index), rough.size
     width = index.excited_windows.shape[1]
@@ -589,9 +590,9 @@ def _level_from_roughness(
 def update_by_scatter(
     log_level: np.ndarray, dof: np.ndarray, *, log_weight: np.ndarray, n_hypotheses: int, scatter: np.ndarray, nu: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Update the components (C, F) by the scatter over realisations (F,), of nu complex degrees of freedom.
+    """Update the components (C, F) by the scatter over realisations (F,), with nu complex degrees of freedom.
 
-    One component more for each hypothesis: a level that tells little about the scatter.
+    Each hypothesis gets one more component: a level hardly related to the scatter.
     """
     alone = np.logaddexp.reduce(log_weight.reshape(-1, n_hypotheses, scatter.size))  # whatever the roughness is
     level = np.concatenate([log_level, log_level[-n_hypotheses:]])
@@ -606,7 +607,7 @@ def update_by_scatter(
 def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray:
     """Return the degrees of freedom of an inverse chi-square whose log variance is larger by `log_variance`.
 
-    The variance of the log is trigamma(nu), 1/nu + 1/(2 nu^2) but for a third of 1/(2 nu^3).
+    The variance of the log is trigamma(nu), 1/nu + 1/(2 nu^2) up to a third of 1/(2 nu^3).
 
     Examples
     --------
@@ -620,7 +621,7 @@ def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray
 def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that approximates a mixture of them (C, F).
 
-    Both have the same quantiles at 95 % and, as all lines together ask for, at 99.9 %: the r with
+    Both have equal quantiles at 95 % and, for all lines together, at 99.9 %: the r with
     sum_h w_h (1 + r^2 / (nu_h s_h^2))^(-nu_h) = 1 - p, by Newton's method in log r from the mean of their quantiles.
 
     Examples
@@ -663,12 +664,12 @@ def _ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
 
 
 def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
+    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): for two estimates of one variance."""
     share = nu / dof
     constant = nu * np.log(share) - _log_beta(np.asarray(nu, dtype=float), dof)
 
     def log_density(log_ratio: np.ndarray) -> np.ndarray:
-        """Return it at ratios (..., F)."""
+        """Return the log density at log ratios (..., F)."""
         over = share * np.exp(np.minimum(log_ratio, 500.0))
         return np.asarray(nu * log_ratio - (nu + dof) * np.log1p(over) + constant)
 
@@ -685,7 +686,7 @@ def _log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Return `numpy.clip` without its checks of arguments, which take longer than short arrays do."""
+    """Return `numpy.clip` without its checks of arguments, which dominate for short arrays."""
     return np.minimum(np.maximum(x, least), most)
 
 
@@ -696,7 +697,7 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     near = index.odd_windows.T
     n, F = near.shape
     x = slope_coordinate(index.detection[near].astype(float), lines)
-    # the calibration error is a normal effect common to the window: Woodbury's identity takes it out of the weights
+    # the calibration error is a normal effect common to the window: Woodbury's identity includes it in the weights
     common = _CALIBRATION_LOG_VARIANCE * M * M / (1 + _CALIBRATION_LOG_VARIANCE * n * M)
     x_sum = x.sum(axis=0)
     one = np.full(F, n * M - common * n * n)
@@ -721,22 +722,22 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
 def _roughness_update(
     index: LineIndex, M: int, dof_rough: bytes
 ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
-    """Return what roughnesses of complex degrees of freedom (F,), as bytes, change in levels, whatever the data.
+    """Return the data-independent part of an update by roughnesses with degrees of freedom (F,), given as bytes.
 
     Returns
     -------
     density : callable
-        Log density of the log of the roughness over the level that the detection lines expect in its place.
+        Log density of the log ratio of the roughness to the level that detection lines predict for it.
     gain : (F,) ndarray
-        Share of their difference by which the level moves.
+        Share of their difference that is added to the level.
     dof : (F,) ndarray
-        Degrees of freedom of the level that was moved.
+        Degrees of freedom of the updated level.
     """
     nu, windows = np.frombuffer(dof_rough), window_coordinates(index, M)
     x, (var_level, cov_slope, var_slope) = windows.x_rough, windows.covariance
     var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
     gain = cov_here / (var_here + 1 / nu)
-    # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
+    # two chi-squares pool by their line counts; the uncertainty of the slope is added
     by_count = 1 / (windows.n_lines + nu)
     return (
         log_density_of_ratio(nu, 1 / var_here),
@@ -747,7 +748,7 @@ def _roughness_update(
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _roughness_positions(index: LineIndex) -> np.ndarray:
-    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the first."""
+    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the first one."""
     lines = index.lines[index.excited].astype(float)
     around = slope_coordinate(lines[index.excited_windows.T], lines)
     positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
@@ -763,7 +764,7 @@ def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 
 def _windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Return the mean over the n neighbours of each entry along the last axis; at the ends over the first or last n."""
+    """Return the mean over n neighbours of each entry along the last axis; at the ends over the first or last n."""
     size = x.shape[-1]
     n = min(n, size)
     sums = np.zeros((*x.shape[:-1], size + 1))
@@ -779,9 +780,9 @@ def _centred_windows(size: int, n: int) -> np.ndarray:
 
 
 def _variance_on_even_lines(index: LineIndex, row: _OutputData) -> np.ndarray:
-    """Return the (F,) variance of the residual as read on the even lines; nan without them.
+    """Return the (F,) variance of the residual from the even lines; nan without them.
 
-    The distortion is taken as before the dynamics, with no factor.
+    The distortion is assumed before the dynamics, without a factor.
     """
     if not index.even.size:
         return np.full(index.excited.size, np.nan)
@@ -797,7 +798,7 @@ def _variance_on_even_lines(index: LineIndex, row: _OutputData) -> np.ndarray:
 
 
 def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
-    """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set where its roughness is needed."""
+    """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set if its roughness is needed."""
     if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= _ENOUGH_REALIZATIONS):
         return frm.G, None
     fit = fit_sets(frm, excited)
@@ -805,14 +806,14 @@ def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.
 
 
 def fit_sets(frm: FrmEstimate, excited: Spectra) -> LocalFit:
-    """Fit the matrix of each set locally over the excited lines: the residual is its roughness."""
+    """Fit the matrix of each set locally over the excited lines; the residual is its roughness."""
     gamma = diagonal(frm.gamma_each)[:, None]
     noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
     return fit_locally(frm.G_each, 1 / np.sqrt(gamma), index=excited.index, noise=noise)
 
 
 def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detection: int) -> str:
-    """Choose the source of the distortion variance, with a warning where detection lines are not used."""
+    """Choose the source of the distortion variance, and warn if detection lines are not used."""
     if level_from == "detection" and grid.odd.size < n_detection:
         raise ValueError(
             f"lines must hold at least n_detection = {n_detection} odd detection lines for "
@@ -829,7 +830,7 @@ def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detect
 
 
 def _can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
-    """Return whether odd detection lines give the distortion variance within a known factor on this grid."""
+    """Return whether odd detection lines of this grid give the distortion variance within a known factor."""
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
         return False
@@ -848,7 +849,7 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
         reason = (
-            "the odd detection lines of an odd-odd grid under-read the distortion, without limit around a resonance"
+            "the odd detection lines of an odd-odd grid underestimate the distortion, without limit around a resonance"
         )
     elif n_odd == 0:
         reason = f"the {kind} grid of this record has no odd detection lines"
@@ -857,11 +858,11 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     else:
         reason = f"the detection lines of this {kind} grid do not calibrate"
     few = (
-        f"; on {grid.excited.size} lines it may read too low as well"
+        f"; on {grid.excited.size} lines it may be too low as well"
         if grid.excited.size < _ENOUGH_ROUGHNESS_LINES
         else ""
     )
     return (
-        f"{reason}; the level was taken from the roughness of the FRF, which reads too high where the FRF bends within "
-        f"a few lines{few}. A special-odd or random-odd multisine gives a level that can be calibrated."
+        f"{reason}; the level comes from the roughness of the FRF, which is too high if the FRF bends within a few "
+        f"lines{few}. A special-odd or random-odd multisine gives a level that can be calibrated."
     )

@@ -1,6 +1,6 @@
 """Checks of the experiments behind a matrix: every line excited, equal amplitude spectra, independent phases.
 
-They run before the estimate, because none of these faults shows in the estimate itself.
+They run before the estimate, because the estimate itself shows none of these faults.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from nlfrf.records.excited_lines import check_lines
 from nlfrf.records.record import Record
 from nlfrf.signals.crest import have_low_crest, is_improbable
 
-_MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
-#: Power over that of its noise below which an input is lost, and the share of lines that may.
+_MIN_LINE_POWER = 1e-18  # least power of an input on a line, over its largest
+#: Power over that of its noise below which an input is lost, and the largest share of such lines.
 _MIN_POWER_OVER_NOISE, _MAX_LOST_SHARE = 4.0, 0.1
 _FEW_PHASE_LINES = 5  # lines up to which phases cannot be compared
-_HIGH_CONDITION, _MAX_CONDITION = 10.0, 1e6  # condition of the inputs: warned of, refused
+_HIGH_CONDITION, _MAX_CONDITION = 10.0, 1e6  # condition number of the inputs: limit of a warning, of a refusal
 _MIN_COPY_COHERENCE = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
-_MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
-#: Covariance of one experiment over the mean of all, above which the law of the matrix is off.
+_MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own up to which bounds hold; at 1 G is off by a third
+#: Covariance of one experiment over the mean of all, above which the law of the matrix is wrong.
 _MAX_EXPERIMENT_NOISE = 1.3
-_SCATTER_ROUNDING = 1e-12  # of |Y|: scatter below it is none
-#: Of the largest amplitude, below which an input is not played on a line, or in an experiment.
+_SCATTER_ROUNDING = 1e-12  # share of |Y| below which scatter is rounding
+#: Amplitude over the largest below which an input is not played on a line, or in an experiment.
 _MIN_PLAYED_AMPLITUDE = 0.03
 
 
@@ -38,9 +38,9 @@ class _CrestCorrection(NamedTuple):
     Fields
     ------
     distortion_ratio, coherent_share : float
-        As of `crest_correction`; means over the inputs.
+        As in `crest_correction`; means over the inputs.
     has_low_crest : bool
-        Whether some input has a lower crest factor than usual.
+        True if an input has a lower crest factor than usual.
     """
 
     distortion_ratio: float
@@ -49,19 +49,19 @@ class _CrestCorrection(NamedTuple):
 
 
 def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, _CrestCorrection]:
-    """Check that a matrix can be made of the experiments, and merge those that repeat another one.
+    """Check that the experiments determine a matrix, and merge those that repeat another one.
 
     Returns
     -------
-    The spectra, with experiments that repeat another one as periods of it; the same on the excited lines alone; and
+    The spectra, with a repeated experiment as further periods of the first; the same on the excited lines alone; and
     the correction for the crest factor.
 
     Warns
     -----
     DataWarning
-        Experiments with the phases of another one, or inputs with those of another input; inputs that nearly depend on
-        each other, or are lost in their noise; a reference whose lines the input does not have; peaks that are lower
-        than random phases have them.
+        Experiments with the phases of another one; inputs with the phases of another input; inputs that are nearly
+        dependent, or lost in their noise; a reference with lines that the input does not have; peaks lower than those
+        of random phases.
     """
     single, n_u = record.is_single, record.n_inputs
     excited = spectra.select_excited()
@@ -89,13 +89,13 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
             )
         _require_equal_sets(record, excited)
         _warn_of_noisy_inputs(record, excited)
-        if not _warn_of_dependent_inputs(excited):  # inputs that are nearly the same have the same phases, too
+        if not _warn_of_dependent_inputs(excited):  # nearly equal inputs also have equal phases
             _warn_of_copies(excited)
     elif excited.is_zippered:
         data_warning(
             "each line drives one input (zippered): every column was fitted between its own lines, with poles that all "
-            "entries share; how their scatter reaches it is in the bound, what a local model of two poles cannot "
-            "follow is not"
+            "entries share. The bound contains the scatter of these lines, but not what a local model of two poles "
+            "cannot follow"
         )
     elif before.R is not None:
         _warn_of_lost_input(before)
@@ -105,14 +105,14 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
 def _correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, played: np.ndarray) -> _CrestCorrection:
     """Return the correction for the crest factor, averaged over the inputs as played (n_u, M, N).
 
-    Warns of an input whose crest factor is lower than that of random phases. The inputs after one whose peaks hardly
-    happen with random phases are left out. `before` has the spectra before realisations that repeat were joined.
+    Warns of an input whose crest factor is lower than that of random phases. Inputs after one with improbable peaks are
+    left out. `before` has the spectra before repeated realisations were joined.
     """
     corrections, any_low, lines = [], False, excited.lines
     names = ("u",) if record.is_single else record.inputs
     for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
         size, own = before.amplitude if before.R is None else rms(known), slice(None)
-        if len(names) > 1:  # the experiments in which it was played, and its own lines
+        if len(names) > 1:  # the experiments in which this input was played
             known = known[_played_experiments(known)]
             size, u, U = rms(known), u[_played_experiments(U)], U[_played_experiments(U)]
         if excited.is_zippered:
@@ -134,7 +134,7 @@ def _played_experiments(U: np.ndarray) -> np.ndarray:
 
 
 def _require_equal_sets(record: Record, excited: Spectra) -> None:
-    """Refuse sets whose input power differs from that of the others."""
+    """Refuse sets whose input power differs from that of the other sets."""
     if excited.U.shape[1] == excited.experiments_per_set:
         return
     power = excited.power_U if excited.R is None else squared_modulus(excited.R)
@@ -153,11 +153,11 @@ def _require_equal_sets(record: Record, excited: Spectra) -> None:
 
 
 def _require_excited_lines(record: Record, excited: Spectra) -> None:
-    """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
+    """Refuse lines without input, where G would be 0 / 0, or without reference, whose phase would be chance."""
     for side, spectrum in (("input", excited.U), ("reference", excited.R)):
         if spectrum is None:
             continue
-        # of several inputs some experiment has to drive a line
+        # for several inputs some experiment has to drive a line
         power = excited.power_U if side == "input" else squared_modulus(spectrum)
         power = power if excited.experiments_per_set == 1 else np.mean(power, axis=1, keepdims=True)
         faintest = _MIN_LINE_POWER * power.max(axis=(1, 2), keepdims=True)
@@ -170,15 +170,15 @@ def _require_excited_lines(record: Record, excited: Spectra) -> None:
 
 
 def _warn_of_lost_input(excited: Spectra) -> None:
-    """Warn of lines of a reference on which the only input, over all realisations, is no more than its noise."""
+    """Warn of lines of a reference on which the only input, over all realisations, is within its noise."""
     R = excited.excitation[0]
     U = np.add.reduce(excited.U[0] * (R.conj() / np.abs(R)))
     noise = np.add.reduce(squared_modulus(excited.dU[0]), axis=(0, 1)) if excited.dU.shape[2] else np.nan
     lost = np.count_nonzero(squared_modulus(U) < _MIN_POWER_OVER_NOISE * noise)
     if lost > _MAX_LOST_SHARE * U.size:
         data_warning(
-            f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
-            "the excitation G is one piece of noise over another"
+            f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? On "
+            "lines without excitation G is a quotient of two noises"
         )
 
 
@@ -188,44 +188,43 @@ def _warn_of_copies(excited: Spectra) -> None:
         return
     if _find_phase_copies(excited.excitation).any():
         data_warning(
-            "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would read 3 sigma^2 "
+            "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would be 3 sigma^2 "
             "instead of sigma^2; give each input phases of its own, as multisine(n_inputs=) does"
         )
     if count_independent_experiments(excited) < excited.U.shape[1]:
         data_warning(
-            "experiments have the same phases (psi): their distortion is the same but for signs, so its covariance "
-            "is not the one assumed, up to 1.8 times as large in some entries, and the detection lines of the "
-            "experiments are copies, counted once; give each experiment phases of its own, as multisine(n_inputs=) "
-            "does"
+            "experiments have the same phases (psi): their distortion is equal up to signs. So its covariance is not "
+            "the assumed one, up to 1.8 times as large in some entries, and the detection lines of the experiments are "
+            "copies, counted once. Give each experiment phases of its own, as multisine(n_inputs=) does"
         )
 
 
 def _warn_of_dependent_inputs(excited: Spectra) -> bool:
-    """Refuse linearly dependent inputs; warn, and return True, of ill-conditioned ones, which amplify noise."""
+    """Refuse linearly dependent inputs; warn of ill-conditioned ones, which amplify noise, and return True."""
     U = excited.U
     n_u, _M, F = U.shape
     one = U.reshape(n_u, -1, n_u, F).transpose(1, 3, 0, 2)
-    scaled = one / rms(np.moveaxis(U, 1, 0)).T[:, :, None]  # each input over its size on the line: it may be shaped
+    scaled = one / rms(np.moveaxis(U, 1, 0)).T[:, :, None]  # each input over its size on the line
     sizes = np.linalg.svd(scaled, compute_uv=False)
     condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
     worst = float(condition.max())
     line = int(excited.lines[int(condition.max(axis=0).argmax())])
     if worst > _MAX_CONDITION:
         raise ValueError(
-            f"u must hold experiments that tell the inputs apart, got a condition of {worst:.2g} at line {line}. "
+            f"u must hold experiments that separate the inputs, got a condition of {worst:.2g} at line {line}. "
             "Are two experiments the same?"
         )
     if worst > _HIGH_CONDITION:
         data_warning(
-            f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {line}, "
-            f"{float(np.median(condition)):.3g} in the median; errors of G grow by it, unless a mixing "
-            "for the weak direction of the plant was meant"
+            f"the experiments separate the inputs badly: condition {worst:.3g} at line {line}, "
+            f"{float(np.median(condition)):.3g} in the median. Errors of G grow in proportion; ignore this if the "
+            "inputs were mixed for the weak direction of the plant on purpose"
         )
     return worst > _HIGH_CONDITION
 
 
 def _find_phase_copies(Z: np.ndarray) -> np.ndarray:
-    """Return (M, n, n) bool: which channels of Z (n, M, F) have the same phases but for a constant."""
+    """Return (M, n, n) bool, the pairs of channels of Z (n, M, F) with equal phases up to a constant."""
     phase = Z / np.maximum(np.abs(Z), 1e-300)
     like = np.abs(np.einsum("imf,jmf->mij", phase, phase.conj())) / Z.shape[2]
     return np.asarray((like > _MIN_COPY_COHERENCE) & ~np.eye(len(Z), dtype=bool))
@@ -241,24 +240,24 @@ def count_independent_experiments(excited: Spectra) -> int:
 
 
 def _warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
-    """Warn of inputs below their noise on some lines, where no references over several sets average it."""
+    """Warn of inputs below their noise on some lines, unless references over several sets average it."""
     noise = np.sum(squared_modulus(excited.dU), axis=(1, 2)) / np.maximum(np.sum(excited.power_U, axis=1), TINY)
     lost = noise > _MAX_INPUT_NOISE
     if (excited.R is None or excited.U.shape[1] == record.n_inputs) and lost.any():
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
         data_warning(
             f"{record.inputs[i]} is lost in its noise on {lost.any(axis=0).sum()} of {noise.shape[1]} lines, worst at "
-            f"line {excited.lines[k]}, where it scatters by {100 * np.sqrt(noise[i, k]):.0f} % of its size: G reads "
-            "too low there. Record more periods, or several sets with what was played as references r"
+            f"line {excited.lines[k]}, where it scatters by {100 * np.sqrt(noise[i, k]):.0f} % of its size: G is too "
+            "small there. Record more periods, or several sets with what was played as references r"
         )
 
 
 def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
     """Warn of an experiment that scatters more than the others: the bound assumes equal scatter within a set.
 
-    The test replaces the mean scatter in the total covariance (n_y, n_y, F) by that of one experiment. Bounds of
-    single entries hardly change, as every experiment enters every entry; the largest singular value does, as the error
-    has rank one.
+    The test replaces the mean scatter in the total covariance (n_y, n_y, F) by that of one experiment. Bounds of single
+    entries hardly change, because every experiment contributes to every entry. The largest singular value changes,
+    because the error has rank one.
     """
     noise = np.sum(squared_modulus(excited.dY), axis=2)  # (n_y, M, F)
     size = np.mean(squared_modulus(excited.Y), axis=1)
@@ -275,6 +274,6 @@ def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
         times = float(np.sqrt((noise[:, worst].mean(axis=1) / np.maximum(others.mean(axis=1), TINY)).max()))
         data_warning(
             f"experiment {worst + 1} of {noise.shape[1]} scatters {times:.1f} times as much from period to period as "
-            "the others; was it disturbed? Measure it again: the bound of the whole matrix takes them to be alike "
-            "(where one was ten times as noisy 58 to 87 % was measured instead of 95 %, 92 to 95 % of the entries)"
+            "the others; was it disturbed? Measure it again: the bound of the whole matrix assumes equal scatter "
+            "(with one experiment ten times as noisy it held for 58 to 87 % instead of 95 %, entries for 92 to 95 %)"
         )

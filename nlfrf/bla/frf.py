@@ -1,10 +1,9 @@
-"""The frequency response matrix over all sets, with its covariance by noise and in total, and checks that it is one.
+"""The frequency response matrix over all sets, with its covariance by noise and in total, and checks of its phases.
 
     G = Y Z^H (U Z^H)^-1,  Z: references, or the inputs of each set        (Pintelon & Schoukens, 2nd ed., 2.7, 4.3.1)
 
-The checks use phases. Over two neighbouring steps between lines that are equally long, the phase of a smooth FRF
-changes by the same angle, whatever its delay. The phase of an output over the input of another realisation changes at
-random.
+Over two neighbouring steps of equal length between lines, the phase of a smooth FRF changes by the same angle, whatever
+its delay. The phase of an output over the input of another realisation changes at random.
 """
 
 from __future__ import annotations
@@ -25,30 +24,30 @@ from nlfrf.bla.spectra import Spectra, residual_scatter
 
 #: Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong together.
 _MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
-#: The same for an output of several experiments: 0.3 and more where experiments were exchanged. A correct matrix that
-#: bends within a few lines has up to 0.3; one experiment that differs from the others is found before.
+#: The same for one output of several experiments: exchanged experiments give 0.3 and more. A correct matrix that bends
+#: within a few lines has up to 0.3; an experiment that differs from the others is found before.
 MAX_MATRIX_ROUGHNESS_OVER_GAIN = 0.2
-_N_SPARE_LINES = 2  # lines more than the half: few lines are rough by chance
-_MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
-#: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
-#: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
+_N_SPARE_LINES = 2  # added to half of the lines, because a few lines are rough by chance
+_MIN_STEP_PAIRS = 4  # pairs of equal steps that suffice to compare phases
+#: Power over that of chance for an outlier line: over the level; over the scatter of its neighbours, which one regular
+#: line in 4e5 exceeds; and that of a local fit from which outliers are looked for.
 _OUTLIER_OVER_LEVEL, _OUTLIER_OVER_SCATTER, _OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
 #: A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is smooth there.
 _INTEGRATORS = (0, 1, 2)
-#: Second line over the first, above which the first is not judged by its neighbours: from there it is extrapolated, and
-#: the corner of a viscous friction below it turns G by more than they say (the belt preset in motion: 1.5 and 4.5 Hz).
+#: Second line over the first, above which the neighbours do not judge the first: its value would be extrapolated, and
+#: the corner of a viscous friction below it turns G by more (the belt preset in motion: 1.5 and 4.5 Hz).
 _MAX_FIRST_RATIO = 1.5
-_MAINS_FREQUENCIES = 50.0, 60.0  # Hz
-OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
-_MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
-_CHANCE_MATCH_PROBABILITY = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
-_MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which to warn that y follows no input
-_MIN_RELATIVE_SCATTER = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
-_MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
+_MAINS_FREQUENCIES = 50.0, 60.0  # [Hz]
+OUTPUT_ROUNDING = 1e-13  # share of the whole output below which a deviation on a line is rounding
+_MAX_CHANCE_SIGMAS = 3.0  # standard deviations up to which phases agree by chance
+_CHANCE_MATCH_PROBABILITY = 1e-6  # probability that by chance an output follows any input, or changes its sign
+_MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which an output that follows no input is warned of
+_MIN_RELATIVE_SCATTER = 0.5  # least scatter of one realisation with random phases, over |G|^2
+_MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 above which noise may be the cause
 
 
 class FrmEstimate(NamedTuple):
-    """The frequency response matrix on the excited lines; that of one input and one output is 1 x 1.
+    """Frequency response matrix on the excited lines, 1 x 1 for one input and one output.
 
     With W = Z^H (U Z^H)^-1 for instruments Z a residual V = Y - G U of the experiments moves G by dG = V W. So
     Cov(vec G) = conj(gamma) kron C_V with gamma = W^H W and C_V the covariance of ONE experiment's residual, noise on
@@ -57,24 +56,24 @@ class FrmEstimate(NamedTuple):
     Fields
     ------
     G : (n_y, n_u, F) complex ndarray
-        The matrix: the mean over sets, or the least squares over all of them where a reference was given.
+        The matrix: the mean over sets, or with a reference the least-squares solution over all of them.
     G_each : (R, n_y, n_u, F) complex ndarray
-        That of each set, Y U^-1.
+        The matrix of each set, Y U^-1.
     gamma : (n_u, n_u, F) ndarray
-        Factor of Cov(vec G) on the covariance of one experiment's residual.
+        Factor from the covariance of one experiment's residual to Cov(vec G).
     gamma_each : (R, n_u, n_u, F) ndarray
-        That of each set.
+        The same for each set.
     noise_each : (R, n_y, F) ndarray
         Variance of the residual of each set's experiments by noise; nan for one period.
     cov_noise : (n_y, n_y, F) ndarray
         Covariance of one experiment's residual by noise; nan for one period.
     cov_scatter : (n_y, n_y, F) ndarray
-        The same by everything, from the scatter over sets; nan for one set.
+        Total covariance of one experiment's residual, from the scatter over sets; nan for one set.
     gamma_of_set : (n_u, F) ndarray
-        R times gamma, its diagonal.
+        Diagonal of R times gamma.
     level_scale : (F,) ndarray or float
-        Covariance, as `gamma` takes it, over the mean power of residuals: below one where inputs differ from set to
-        set, as a set of small inputs has more of its share in gamma.
+        Covariance for `gamma` over the mean power of residuals: below one if inputs differ from set to set, because a
+        set of small inputs has a larger share in gamma.
     """
 
     G: np.ndarray
@@ -91,9 +90,9 @@ class FrmEstimate(NamedTuple):
 def estimate_frm(excited: Spectra) -> FrmEstimate:
     """Estimate the matrix over all sets, its gamma, and the covariances from the scatter over periods and sets.
 
-    With references the instruments are these, each over its size: noise on the inputs then leaves no bias, in open and
-    in closed loop. Without references sets are averaged, not fitted at once: one least-squares fit would underestimate
-    the noise on the inputs (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
+    References, if given, are the instruments, each over its size: noise on the inputs then leaves no bias, in open and
+    in closed loop. Without references sets are averaged: one least-squares fit over all of them would underestimate the
+    noise on the inputs (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
     """
     n_u, n_y = len(excited.U), len(excited.Y)
     U, Y = _split_into_sets(excited.U, n_u), _split_into_sets(excited.Y, n_u)
@@ -108,7 +107,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         G = np.add.reduce(each) / R
         gamma = np.add.reduce(gamma_each) / R**2
         of_set = R * diagonal(gamma)
-        if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
+        if R > 1:  # the share of a set in the error of G is that of its gamma
             share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
     else:
         Z = _split_into_sets(excited.R, n_u)
@@ -152,21 +151,21 @@ def _split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
 def warn_of_rough_frf(
     rough: np.ndarray, level: np.ndarray, *, size: np.ndarray, what: str = "G", share: float = MAX_ROUGHNESS_OVER_GAIN
 ) -> bool:
-    """Warn where an FRF varies from line to line by more than its distortion explains.
+    """Warn of an FRF that varies from line to line by more than its distortion explains.
 
     Parameters
     ----------
     rough, level, size : (F,) ndarray
-        Variance of an FRF about its neighbours, its variance by the detection lines, and |G|^2.
+        Variance of an FRF about its neighbours; its variance from the detection lines; |G|^2.
     what : str
         Name of the FRF.
     share : float
-        Roughness over |G|^2 above which it is no bend of a smooth FRF.
+        Roughness over |G|^2 above which it cannot be a bend of a smooth FRF.
 
     Returns
     -------
     bool
-        Whether it warned.
+        True if it warned.
     """
     jumps = (rough > _MAX_ROUGHNESS_OVER_LEVEL * level) & (rough > share * size)
     is_rough = np.count_nonzero(jumps) > jumps.size / 2 + _N_SPARE_LINES
@@ -174,8 +173,8 @@ def warn_of_rough_frf(
         of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
             f"{what} jumps from line to line by {100 * of_size**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
-            "more than its detection lines tell of distortion and noise: do u and y belong to the same runs, in the "
-            "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
+            "above distortion and noise on its detection lines: do u and y belong to the same runs, in the same order, "
+            "with one trigger and one sign? If they do, it bends within a few lines: record a longer period"
         )
     return bool(is_rough)
 
@@ -192,28 +191,28 @@ def warn_of_outlier_lines(
 ) -> np.ndarray:
     """Warn of single lines that differ from their neighbours by more than distortion and noise explain.
 
-    Two causes look the same: a disturbance that is periodic in the period, as the hum of the mains nearly is, and a
-    resonance narrower than the line spacing. The disturbance averages out over realisations, but the detection lines
-    of one realisation do not show it.
+    Two causes look alike: a disturbance that is periodic in the period, as mains hum nearly is, and a resonance
+    narrower than the line spacing. The disturbance averages out over realisations, but the detection lines of one
+    realisation do not show it.
 
     Parameters
     ----------
     G, fitted : (n_u, F) complex ndarray
-        FRFs of one output in one realisation, and fitted locally.
+        FRFs of one output in one realisation, and their local fit.
     level : (F,) ndarray
-        Their variance, over gamma.
+        Variance of the FRFs, over gamma.
     index : LineIndex
     f : (F,) ndarray
-        Their frequencies [Hz].
+        Frequencies [Hz].
     gamma : (n_u, F) ndarray
-        Factor on that variance for the FRF of each input.
+        Factor on `level` for the FRF of each input.
     what : str
         Name of the FRFs.
 
     Returns
     -------
     (F,) ndarray
-        Squared deviation of such lines, over gamma; zeros elsewhere.
+        Squared deviation of outlier lines, over gamma; zeros elsewhere.
     """
     if (
         f.size < FEW_LINES
@@ -244,9 +243,9 @@ def warn_of_outlier_lines(
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
     ratio = np.sqrt(outlier_power[worst] / level[worst])
     data_warning(
-        f"{what} stands out of its neighbours at {listed} Hz, by {ratio:.0f} times its "
-        f"scatter at {f[worst]:g} Hz{mains}: a disturbance in step with the periods, or a resonance narrower than the "
-        "lines are apart. The bound there holds what the neighbours say; record several realisations, or another period"
+        f"{what} stands out of its neighbours at {listed} Hz, by {ratio:.0f} times its scatter at {f[worst]:g} "
+        f"Hz{mains}: a disturbance in step with the periods, or a resonance narrower than the line spacing. The bound "
+        "there contains the value that the neighbours predict; record several realisations, or another period"
     )
     return outlier_power
 
@@ -262,21 +261,21 @@ def check_outputs_follow_input(
     ----------
     frm : FrmEstimate
     excited : Spectra
-        On the excited lines, of one input.
+        Spectra on the excited lines, for one input.
     fit : LocalFit or None
-        Of each realisation, where it is known.
+        Local fit of each realisation, if known.
     outputs : sequence of str
         Names of the outputs.
 
     Returns
     -------
     bool
-        Whether it warned.
+        True if it warned.
 
     Raises
     ------
     ValueError
-        An output that follows the input of another realisation, not its own, or that has another sign than the others.
+        An output follows the input of another realisation instead of its own, or its sign differs between realisations.
     """
     n, steps, has_warned = len(frm.G_each), pair_equal_steps(excited.index), False
     gamma = frm.gamma_of_set[0]
@@ -285,14 +284,14 @@ def check_outputs_follow_input(
         if n == 1 and fit is not None:
             spread = fit.variance[0, j, 0]
         if spread is not None and np.add.reduce(spread) <= _MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
-            continue  # one that follows another input would scatter by more
+            continue  # an output that follows another input would scatter more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
         has_warned |= _check_follows(name, excited.Y[j], input_name="u", U=excited.U[0], noise=noise, steps=steps)
     return has_warned
 
 
 def check_input_follows_reference(excited: Spectra) -> None:
-    """Refuse a single input that follows the reference of another realisation; warn where it follows none."""
+    """Refuse a single input that follows the reference of another realisation; warn if it follows none."""
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
@@ -307,7 +306,7 @@ def _check_follows(
     """Check that Y (M, F) of each realisation follows its own U.
 
     Raises if it follows another realisation's; warns, and returns True, if it follows none. `noise` (M, F) is the
-    variance of Y / U by noise over its squared modulus, nan where it is not known.
+    variance of Y / U by noise over its squared modulus, nan if unknown.
     """
     n, n_steps = len(Y), steps.shape[1]
     if n_steps < _MIN_STEP_PAIRS:
@@ -329,24 +328,24 @@ def _check_follows(
         )
         raise ValueError(
             f"{output_name} must follow the {input_name} of its own realisation, got {who}"
-            f"{', ...' if len(pairs) > 4 else ''}, by the phases of all lines: are the files of both in one order?"
+            f"{', ...' if len(pairs) > 4 else ''}, by the phases of all lines: are the files of both in the same order?"
         )
-    quiet = ~(np.median(noise, axis=1) > _MAX_RELATIVE_NOISE)  # or nothing is known of it
+    quiet = ~(np.median(noise, axis=1) > _MAX_RELATIVE_NOISE)  # or the noise is unknown
     mismatched = np.flatnonzero(alone & quiet)
     warns = mismatched.size > 0 and n_steps >= _MIN_WARNING_STEP_PAIRS
     if warns:
         who = ", ".join(map(str, mismatched[:6])) + (", ..." if mismatched.size > 6 else "")
         data_warning(
             f"{output_name} does not follow {input_name} in realisation {who}: from line to line its phase is random. "
-            "Is it of another run, or all noise and distortion?"
+            "Is it from another run, or only noise and distortion?"
         )
     return warns
 
 
 def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
-    """Refuse phases (M, F) of one realisation that have another sign than those of the others."""
+    """Refuse a realisation whose phases (M, F) have another sign than those of the others."""
     n, n_lines = phases.shape
-    agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines  # with the others
+    agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines  # agreement with the others
     turned = np.flatnonzero(agree < -_chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         which = (
@@ -356,7 +355,7 @@ def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
 
 
 def _chance_sigmas(n: int) -> float:
-    """Return how many sigmas the largest of n means of random phases exceeds with `_CHANCE_MATCH_PROBABILITY`.
+    """Return the sigmas that the largest of n means of random phases exceeds with `_CHANCE_MATCH_PROBABILITY`.
 
     An upper bound: such means have lighter tails than a normal distribution.
     """

@@ -1,4 +1,4 @@
-"""A `Bla` of an FRF that was measured elsewhere: by an analyser, a stepped sine, another program."""
+"""A `Bla` from an FRF that was measured elsewhere: by an analyser, a stepped sine, another program."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from nlfrf._base.arguments import (
 from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 
-#: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
+#: Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to 1e-6.
 KNOWN_DOF = 1e6
-_MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase
-_ROUNDING = 1e-6  # of a coherence, below which digits were lost in computing it, and not when it was written
-_MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
+_MAX_GAIN_VARIATION = 0.01  # largest relative variation of a real gain: one that varies more has a phase
+_ROUNDING = 1e-6  # difference of a coherence from 1 up to which digits were lost in its computation, not in its file
+_MAX_RAISED_STD = 2.0  # factor on a standard deviation of an entry up to which no warning is given
 
 
 @keep_warnings
@@ -40,55 +40,57 @@ def bla_from_frf(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> Bla:
-    """Make a `Bla` of an FRF measured elsewhere, so that a set made of it has a probability.
+    """Make a `Bla` from an FRF measured elsewhere, so that an uncertainty set made from it has a probability.
 
-    The variance holds whatever scattered while it was measured, noise and distortion together: nobody can part them
-    afterwards. So `bound` holds the FRF that the same measurement would give if it were averaged for ever, and
-    `bound(of="realization")`, on which `robust.uncertainty` builds, another FRF measured in the same way. What repeats
-    in every average is in neither: distortion of a stepped sine or of one multisine, a sensor that is wrong.
+    Use this when you have a Bode table, or the result of an analyser, instead of a record. The variance contains all
+    that scattered during the measurement, noise and distortion together; they cannot be separated afterwards. So
+    `bound` contains the FRF that the same measurement would give after infinite averaging. `bound(of="realization")`,
+    on which `robust.uncertainty` builds, contains another FRF measured in the same way. Errors that repeat in every
+    average are in neither: distortion of a stepped sine or of one multisine, a wrong sensor.
 
     Parameters
     ----------
     f : (F,) ndarray
         Frequencies [Hz], positive and increasing, equally spaced or not.
     G : (F,) or (n_y, n_u, F) complex ndarray
-        The FRF, of one channel or of several: complex by its type, as decibels and magnitudes have no phase.
+        The FRF, for one channel or for several. Its type must be complex, because decibels and magnitudes have no
+        phase.
     std : float, or (F,) or (n_y, n_u, F) ndarray, optional
         Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2) times that of its
-        real part. Of averaged measurements that of the average. Known exactly, or estimated from `n_averages`.
+        real part. For averaged measurements that of the average. Known exactly, or estimated from `n_averages`.
     coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Ordinary coherence, above 0 and up to 1, of G = S_yu / S_uu over `n_averages`; several inputs are then excited
+        Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu from `n_averages`; several inputs are then excited
         one after the other. The variance is (1 - coherence) / coherence |G|^2 / (n_averages - 1), with n_averages - 1
         complex degrees of freedom, for which the F(2, 2 n_averages - 2) law of the bound is exact.
     n_averages : float, optional
         Independent averages: half-overlapping Hann segments count as 0.95 each. With `coherence` at least 2.
     fs : float, optional
-        Sampling frequency [Hz], where `hold` is "zoh".
+        Sampling frequency [Hz]; needed if `hold` is "zoh".
     hold : str
-        How the input ran between its samples, as of a `Record`: "zoh", "band-limited" or "unknown".
+        Input between its samples, as in `Record`: "zoh", "band-limited" or "unknown".
     inputs, outputs, input_units, output_units : sequence of str
         Names and units of the channels, as in `Record`.
 
     Returns
     -------
     Bla
-        With `grid` "given" and `level_source` "std" or "coherence". What nobody can know is nan: `var_noise`,
-        `var_even`, the amplitudes in `levels`, `fs`; `n_samples` is 0. With several channels the variances of the
-        entries are those of outputs times inputs: where the given ones are no such product the next larger ones are
+        With `grid` "given" and `level_source` "std" or "coherence". Unknown values are nan: `var_noise`, `var_even`,
+        the amplitudes in `levels`, `fs`; `n_samples` is 0. For several channels the variances of the entries are
+        products of an output and an input factor. If the given ones are no such products, the next larger ones are
         taken, and the entries count as independent.
 
     Raises
     ------
     ValueError
-        Real numbers for G; neither or both of `std` and `coherence`, shapes that do not fit, frequencies that do not
-        increase, `coherence` without `n_averages`, or of 1 on every line.
+        Real numbers for G; neither or both of `std` and `coherence`; shapes that do not fit; frequencies that do not
+        increase; `coherence` without `n_averages`, or equal to 1 on every line.
 
     Warns
     -----
     DataWarning
-        A complex G that varies and is real on every line, as one without its phase is. Coherence of 1 on some lines,
-        where it was rounded. Standard deviations of several channels that are no product, of which one counts more
-        than twice as large.
+        A complex G that varies and is real on every line, as if its phase were missing. A coherence of 1 on some lines,
+        from rounding. Standard deviations for several channels that are no product, of which one counts more than
+        twice as large.
 
     References
     ----------
@@ -114,19 +116,19 @@ def bla_from_frf(
         raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
     if G.dtype.kind != "c":
         raise ValueError(
-            f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have no phase: take "
-            "10**(dB/20) * np.exp(1j*np.radians(degrees)) of decibels and degrees, magnitude * np.exp(1j*phase) of a "
-            "magnitude, G + 0j of a gain that turns no phase"
+            f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have no phase: use "
+            "10**(dB/20) * np.exp(1j*np.radians(degrees)) for decibels and degrees, magnitude * np.exp(1j*phase) for a "
+            "magnitude, G + 0j for a gain without phase"
         )
     if not G.imag.any() and np.ptp(G.real, axis=-1).max() > _MAX_GAIN_VARIATION * np.abs(G.real).max():
         data_warning(
-            "G is real on every line and varies, as an FRF without its phase does, or decibels: every model of it is "
-            "then wrong; give G with its phase"
+            "G is real on every line and varies, as if its phase were missing, or as if it were in decibels: every "
+            "model of it is then wrong; give G with its phase"
         )
     variance, dof = _entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
-        raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
+        raise ValueError('fs must be given if hold is "zoh": G includes the hold of 1/fs')
     rate = np.nan if fs is None else require_positive("fs", fs)
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
@@ -165,7 +167,7 @@ def bla_from_frf(
 def _entry_variances(
     G: np.ndarray, *, std: ArrayLike | None, coherence: ArrayLike | None, n_averages: float | None
 ) -> tuple[np.ndarray, float]:
-    """Return the variance of each entry, of the shape of G, and the complex degrees of freedom behind it."""
+    """Return the variance of each entry, of the shape of G, and its complex degrees of freedom."""
     if (std is None) == (coherence is None):
         got = "neither" if std is None else "both"
         raise ValueError(f"std or coherence must be given, got {got}: without a variance the bound has no probability")
@@ -183,30 +185,30 @@ def _entry_variances(
             raise ValueError(f"std must be positive on every line, got {numbers.min():g}")
         return numbers**2, KNOWN_DOF if n is None else n - 1
     if n is None:
-        raise ValueError("n_averages must be given with coherence: how far G scatters depends on it")
+        raise ValueError("n_averages must be given with coherence: the variance of G depends on it")
     if np.any((numbers <= 0) | (numbers > 1)):
         bad = numbers[(numbers <= 0) | (numbers > 1)].flat[0]
-        raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave lines without any out")
+        raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave out lines without coherence")
     if np.all(numbers == 1):
-        raise ValueError("coherence must be below 1 on some lines, got 1 on all, as a single average has it: give std")
+        raise ValueError("coherence must be below 1 on some lines, got 1 on all, as from a single average: give std")
     below = np.minimum(numbers, numbers[numbers < 1].max())
     if np.max(numbers - below) > _ROUNDING:
         data_warning(
-            f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is taken"
+            f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is used"
         )
     return (1 - below) / below * np.abs(G) ** 2 / (n - 1), n - 1
 
 
 def _bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (n_y, F) and (n_u, F) whose product equals the variances (n_y, n_u, F), or is the least bound above."""
-    # rank one in the logarithm: exact where every input meets the same residual of an output
+    # rank one in the logarithm: exact if the residual of an output is the same for every input
     of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
     of_input = np.max(variance / of_output[:, None], axis=0)
     raised = np.sqrt(np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2))
     if raised.max() > _MAX_RAISED_STD:
         j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
         data_warning(
-            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: with "
-            "several channels the variances are those of outputs times inputs; judge such entries one by one"
+            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: for "
+            "several channels the variances are products of output and input factors; judge such entries one by one"
         )
     return of_output, of_input

@@ -20,12 +20,14 @@ from nlfrf.bla.bla import Bla
 def singular_values(
     frm: Bla, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the singular values of a measured matrix, largest first, and bounds over the set that holds the matrix.
+    """Return the singular values of a measured matrix, largest first, with bounds over a set that contains it.
+
+    Use this to see the directions of a plant, and whether the weakest one was measured at all.
 
     Parameters
     ----------
     frm : Bla
-        What was identified.
+        Identified matrix.
     confidence, of, simultaneous
         As in `Bla.block`.
 
@@ -34,8 +36,8 @@ def singular_values(
     sigma : (n, F) ndarray
         Singular values of G on the excited lines, n the smaller number of channels [unit of y over unit of u].
     low, high : (n, F) ndarray
-        Bounds that hold for every matrix of the set of `Bla.block`: at a line all at once with `confidence`. Where low
-        of the weakest direction is zero, the set may hold a matrix of lower rank: that direction is not measured.
+        Bounds for every matrix of the set of `Bla.block`: on a line all hold together with `confidence`. If low of the
+        weakest direction is zero, the set may contain a matrix of lower rank: that direction is not measured.
         With G = U diag(sigma) V^H and G + E, E = left Delta right, every sigma_i of G + E lies between sigma_i
         (1 - |S^-a U_i^H left| |right V_i S^(a-1)|), with the first i directions and the best of a = 0, 1/2, 1, and
         sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with the directions from i on.
@@ -43,7 +45,7 @@ def singular_values(
     Raises
     ------
     ValueError
-        A confidence that is no probability, too few degrees of freedom for a bound on the whole matrix.
+        The confidence is no probability, or there are too few degrees of freedom for a bound on the whole matrix.
 
     References
     ----------
@@ -62,7 +64,7 @@ def singular_values(
     """
     require_kind("frm", frm, Bla)
     left, right = (np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous))
-    U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.matrix, 2, 0))  # all directions, those without a gain too
+    U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.matrix, 2, 0))  # all directions, also those without gain
     out, into = np.swapaxes(U, 1, 2).conj() @ left, right @ np.swapaxes(Vh, 1, 2).conj()  # of each direction
     low, high = np.empty_like(sigma), np.empty_like(sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -83,24 +85,26 @@ def singular_values(
 
 
 def rga(G: ArrayLike) -> np.ndarray:
-    """Relative gain array: how much a channel's gain changes when all other loops are closed tightly.
+    """Return the relative gain array: the change of the gain of a channel when all other loops are closed tightly.
+
+    Use this to choose which output to pair with which input.
 
     Parameters
     ----------
     G : (n_y, n_u) or (n_y, n_u, F) array
-        Gains at one frequency, or at several: `Bla.matrix` of what was identified.
+        Gains at one frequency, or at several: `Bla.matrix` of an identified matrix.
 
     Returns
     -------
     array of the shape of G
-        G times the transpose of its (pseudo-)inverse, element by element. Pairings of elements near one keep loops out
-        of one another's way; large elements mean a matrix that a small relative error, one over the element, makes
-        singular. `rga_radius` says how far those of a measured matrix may be off.
+        G times the transpose of its (pseudo-)inverse, element by element. Pairings with elements near one make loops
+        independent. A large element means that a small relative error, one over the element, makes the matrix singular.
+        `rga_radius` gives the error of the elements for a measured matrix.
 
     Raises
     ------
     ValueError
-        An array that is not finite, or of another number of axes.
+        The array is not finite, or has another number of axes.
 
     References
     ----------
@@ -124,26 +128,26 @@ def rga(G: ArrayLike) -> np.ndarray:
 
 
 def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
-    """Return the radii of discs about the relative gains of a measured matrix.
+    """Return the radii of discs around the relative gains of a measured matrix: their uncertainty.
 
     Parameters
     ----------
     frm : Bla
-        What was identified.
+        Identified matrix.
     confidence : float
-        Probability of each disc, an element and a line at a time; held or exceeded where the matrix is not square.
+        Probability of each disc, for one element and one line; held or exceeded if the matrix is not square.
 
     Returns
     -------
     (n_y, n_u, F) ndarray
         To first order in the covariance of G: d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G), and
         dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero for a square matrix. For
-        any other an error may lie along a line, and the quantile is that of a real number, the larger one.
+        any other an error may lie along a line, so the larger quantile of a real number is used.
 
     Raises
     ------
     ValueError
-        A confidence that is no probability.
+        The confidence is no probability.
 
     References
     ----------
@@ -180,7 +184,7 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
         slope[:, j, i] += H[:, i, j]
         conjugate = variance_of_sum(slope_conj.conj()) if n_y != n_u else 0.0
         variance[:, j, i] = variance_of_sum(slope) + conjugate
-    quantile = frm.bound(confidence) ** 2 / frm.var_bound  # the same for every entry
+    quantile = frm.bound(confidence) ** 2 / frm.var_bound  # equal for all entries
     scale = quantile.reshape(frm.matrix.shape)
     if n_y != n_u:
         real = NormalDist().inv_cdf((1 + confidence) / 2) ** 2
@@ -189,7 +193,7 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
 
 
 def _largest_singular_values(matrices: np.ndarray) -> np.ndarray:
-    """Return the (F,) largest singular value of each matrix; inf where it holds an infinite number."""
+    """Return the (F,) largest singular value of each matrix; inf if it has an infinite entry."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
     size = np.linalg.norm(np.where(finite[:, None, None], matrices, 0.0), 2, (1, 2))
     return np.where(finite, size, np.inf)

@@ -1,8 +1,8 @@
 """`identify`: from a periodic record of any number of channels to its best linear approximation.
 
-With one realisation the distortion is read on lines that were not excited (the *fast* method). With several it is read
-from the scatter between realisations (the *robust* method; Pintelon & Schoukens, 2nd ed., 4.3). With several inputs a
-realisation is a set of experiments, from which one matrix is made. Arrays are (n_y, n_u, F) and (n, M, K) throughout.
+With one realisation the distortion comes from lines without excitation (the *fast* method). With several it comes from
+the scatter between realisations (the *robust* method; Pintelon & Schoukens, 2nd ed., 4.3). For several inputs a
+realisation is a set of experiments, which gives one matrix. Arrays are (n_y, n_u, F) and (n, M, K) throughout.
 """
 
 from __future__ import annotations
@@ -57,22 +57,24 @@ def identify(
 ) -> Bla | list[Bla]:
     """Estimate the best linear approximation, noise and distortion of a system from one periodic record.
 
+    This is the main entry. `load_record` and `record_from_samples` make records; `robust.uncertainty` takes the result.
+
     Parameters
     ----------
     record : Record, or a list of them
-        Inputs and outputs; one realisation is enough, of several inputs one set of as many experiments as inputs. Two
-        periods separate noise from distortion. A list: several outputs of one experiment, which share the analysis of
-        the input.
+        Inputs and outputs. One realisation is enough; for several inputs one set of as many experiments as inputs. Two
+        periods separate noise from distortion. A list is for several outputs of one experiment, which share the
+        analysis of the input.
     transient : str
         "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
-        fitted between the harmonics and taken off, at excited and at detection lines. "auto": nothing where the
-        periods agree but for noise, discard where that leaves periods that agree, else local.
+        fitted between the harmonics and subtracted, on excited and on detection lines. "auto": "none" if the periods
+        agree within noise, "discard" if that leaves periods that agree, else "local".
     level_from : str
-        "detection": from the odd lines that were not excited. "roughness": from the roughness of the FRF over the
-        excited lines. "auto": detection lines where the grid lets them be calibrated (special-odd, random-odd and
-        some custom grids), else roughness, with a warning.
+        "detection": from the odd lines without excitation. "roughness": from the roughness of the FRF over the excited
+        lines. "auto": detection lines if the grid allows their calibration (special-odd, random-odd and some custom
+        grids), else roughness, with a warning.
     n_detection : int
-        Odd detection lines averaged for one level.
+        Number of odd detection lines that are averaged for one level.
 
     Returns
     -------
@@ -81,15 +83,15 @@ def identify(
     Raises
     ------
     ValueError
-        Lines that carry no input, realisations whose input spectra do not belong together, experiments that do not tell
-        the inputs apart, no detection lines where they were asked for, too few lines for any level.
+        Lines without input, realisations with unequal input spectra, experiments that do not separate the inputs,
+        missing detection lines for `level_from` "detection", too few lines for any level.
 
     Warns
     -----
     DataWarning
-        The grid has no detection lines that can be calibrated, and the level comes from the roughness. Of several
-        inputs: phases that are copies of each other, inputs that are nearly dependent, one experiment much noisier
-        than the others, or with a channel of another gain or delay, one period only.
+        The detection lines of the grid cannot be calibrated, so the level comes from the roughness. For several
+        inputs: phases that are copies of each other, inputs that are nearly dependent, an experiment that is much
+        noisier than the others or has a channel with another gain or delay, one period only.
 
     References
     ----------
@@ -128,25 +130,25 @@ def identify(
 
 @keep_warnings
 def _identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
-    """Identify one record; U are the spectra of its inputs where they are known already."""
+    """Identify one record; U are the spectra of its inputs, if known already."""
     spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient=transient, U=U)
     spectra, excited, crest = check_experiments(record, spectra)
     check_input_follows_reference(excited)
     zippered = excited.is_zippered
     frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
     if spectra.n_periods < 2 and not record.is_single:
-        data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
+        data_warning("one period does not separate noise from distortion: noise counts as distortion; record two")
     source = choose_source(level_from, excited, grid=record.lines, n_detection=n_detection)
     if zippered and source == "roughness":
         raise ValueError(
             "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, got a "
-            f"{record.lines.kind} grid: between its own lines a column is fitted, and says nothing of its roughness"
+            f"{record.lines.kind} grid: a column is fitted between its own lines, so its roughness is unknown"
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs
     mispaired = record.n_inputs == 1 and check_outputs_follow_input(frm, excited, fit=fit, outputs=names)
     residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth)
-    # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
+    # with optimised phases more of the distortion is one gain on all lines, which is not rough
     rough = None if zippered or (crest.has_low_crest and source == "detection") else fit
     distortion = estimate_distortion_variance(
         source,
@@ -187,14 +189,14 @@ def _add_outlier_power(
 ) -> DistortionVariance:
     """Raise the distortion variance on outlier lines of one set to their squared deviation.
 
-    Warns of a channel that differs in one experiment; where there is none, of an FRF that is rough.
+    Warns of a channel that differs in one experiment; if there is none, warns of a rough FRF.
     """
     R, F, zippered = len(frm.G_each), excited.lines.size, excited.is_zippered
     if not record.is_single:
-        if F <= 2 * WINDOW_LINES:  # of fewer a bend looks like anything
+        if F <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
             return distortion
-        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES  # of a line in its own fit
-        # zippered: what experiments differ by does not jump
+        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES  # share of a line in its own fit
+        # zippered: a difference between experiments does not jump
         left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
         if left > 0 and warn_of_mismatch(record, excited, residual=residual, level=distortion.detected, retained=left):
             return distortion
@@ -236,7 +238,7 @@ def _assemble_bla(
     """Assemble the `Bla`; for one input and one output gamma is one, and covariances are variances of G."""
     grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
-    # one period does not separate them: noise counts as distortion
+    # for one period noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
     covariances, gamma = [frm.cov_noise, total, cov_distortion, distortion.cov_even, distortion.cov_bound], frm.gamma
     if record.is_single:

@@ -1,6 +1,6 @@
-"""Where the lines of a grid stand, and windows of neighbouring lines around each.
+"""Indices of the lines of a grid, and windows of neighbouring lines around each excited line.
 
-Computed once for each grid, because every estimate of distortion averages over such windows.
+They are computed once for each grid, because every estimate of distortion averages over such windows.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
-N_CACHED_GRIDS = 16  # grids that are remembered: those of one experiment, and of the next
+N_CACHED_GRIDS = 16  # number of cached grids: those of one experiment, and of the next
 _N_ODD_BELOW_BAND = 2  # detection lines below the band
 WINDOW_LINES = 9  # excited lines over which an FRF is fitted locally
 SMOOTHING_LINES = 9  # neighbouring lines over which powers and gains are averaged before they are compared
@@ -27,21 +27,21 @@ class LineIndex:
     lines : (K,) int ndarray
         All lines, increasing.
     excited, odd, even : (F,), (O,), (E,) int ndarray
-        Where each kind stands among them.
+        Indices of each kind of line in `lines`.
     detection : (D,) int ndarray
-        The odd detection lines, and those just below the band.
+        The odd detection lines, and odd lines just below the band.
     excited_windows, odd_windows : (F, n) int ndarray
-        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds;
-        `odd_windows` into `detection`.
+        For each excited line the nearest excited and odd lines, nearest first, as indices into `excited` and
+        `detection`.
     detection_windows : (n, k, F) int ndarray
-        For each excited line the nearest odd lines, and where there are any the even ones, as places among all lines;
-        -1 where there are fewer. Windows stand along the first axis, so that sums over them run through memory in
+        For each excited line the nearest odd lines, and the nearest even ones if there are any, as indices into
+        `lines`; -1 if there are fewer. Windows are on the first axis, so that sums over them run through memory in
         order.
     even_windows : (n, 1, F) int ndarray
-        The even ones alone.
+        The windows of even lines alone.
     excited_below, interpolation_weight : (K,) int and float ndarray
-        The excited line below each line, by its order, and how far it is to the next one, from 0 to 1; 0
-        outside the band.
+        The excited line below each line, as an index into `excited`, and the distance to it as a fraction of the step
+        to the next one, from 0 to 1; 0 outside the band.
     """
 
     lines: np.ndarray
@@ -88,8 +88,8 @@ def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
 def _odd_lines_below_band(grid: LineGrid) -> np.ndarray:
     """Return the odd lines just below the band, within an octave: without them the first windows are one-sided.
 
-    A level that falls with frequency, as that of a hysteresis does, reads too low in a one-sided window. A grid whose
-    detection lines were chosen, or that has none, keeps its own.
+    In a one-sided window a level that falls with frequency, as for a hysteresis, comes out too low. A grid with chosen
+    detection lines, or without any, keeps its own.
     """
     first, last = int(grid.excited[0]), int(grid.excited[-1])
     n_odd = grid.odd.size + np.count_nonzero(grid.excited % 2)

@@ -3,12 +3,12 @@
     (1 + a1 r + a2 r^2) G(r) = b0 + b1 r + b2 r^2,  r: distance in the window (a1 = a2 = 0: polynomial)
 
 Pintelon & Schoukens, 2nd ed., 7.2 and 7.3. The value at r = 0 is an FRF with less scatter. The residual is a distortion
-variance: random phases make the stochastic distortion rough over frequency where the FRF is smooth. It needs no
-detection lines. The rational model is used where it explains the FRF much better (a resonance a few lines wide). What
-neither model follows counts as distortion, so the variance may be too high there, not too low.
+variance: with random phases the stochastic distortion is rough over frequency, while the FRF is smooth. It needs no
+detection lines. The rational model is used if it explains the FRF much better (a resonance a few lines wide). The part
+that neither model follows counts as distortion, so the variance may be too high there, not too low.
 
-On a few lines a resonance is narrower than a window. There one rational function of low order, with real coefficients
-and stable poles, is fitted to all lines, and used where it halves the residual.
+On a grid with few lines a resonance is narrower than a window. Then one rational function of low order, with real
+coefficients and stable poles, is fitted to all lines, and used if it halves the residual.
 """
 
 from __future__ import annotations
@@ -23,26 +23,24 @@ from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
 from nlfrf.signals.lines import local_mean
 
-POLYNOMIAL_ORDER = 2  # of both polynomials, which are written out here
-_N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
-_N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function
-#: Residual variance of the rational over the polynomial model below which it is used: at 0.5 it fitted noise alone in
+POLYNOMIAL_ORDER = 2  # of both polynomials; the code is written for this order
+_N_POWERS = POLYNOMIAL_ORDER + 1  # number of columns r^k G
+_N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1
+#: Residual variance of the rational over the polynomial model below which it is used: with 0.5 it fitted noise alone in
 #: one window of five.
 RATIONAL_VARIANCE_RATIO = 0.25
-N_POOLED_WINDOWS = 9  # neighbouring lines over which that ratio is averaged
-_MIN_NOISE_SHARE = 0.5  # share of the known noise that a roughness shows at least
+N_POOLED_WINDOWS = 9  # neighbouring lines over which this ratio is averaged
+_MIN_NOISE_SHARE = 0.5  # least roughness over the known noise
 NOISE_SMOOTHING_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
-#: Denominator, against that at the line itself: a pole of the fit near the window is no distortion.
+#: Least denominator over that at the line itself: a pole of the fit near the window is no distortion.
 _MIN_DENOMINATOR = 0.1
 MIN_FIT_LINES = POLYNOMIAL_ORDER + 3  # lines that leave two degrees of freedom
-_GLOBAL_ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
-_MIN_RESIDUAL_DOF = 7.0  # complex degrees of freedom that it leaves at least
-_N_REWEIGHTED_STEPS = (
-    6  # towards the output error of the rational function, each with the denominator of the one before
-)
-_MIN_FLATNESS = 1 - 1e-9  # least over largest weight of a spectrum that is flat
-_N_CACHED_FITS = 4  # grids whose fits are remembered: two kilobytes a line
-#: Of the variance about the local fits, beyond which it is left at those: chance has as much.
+_GLOBAL_ORDERS = (2, 4)  # orders of the rational function over all lines of a small grid: one mode, or two
+_MIN_RESIDUAL_DOF = 7.0  # least complex degrees of freedom of its residual
+_N_REWEIGHTED_STEPS = 6  # steps towards its output error, each weighted by the denominator of the one before
+_MIN_FLATNESS = 1 - 1e-9  # smallest over largest weight of a flat spectrum
+_N_CACHED_FITS = 4  # number of grids with cached fits: two kilobytes per line
+#: Variance about the global over that about the local fits, above which the local fits stay: chance gives as much.
 _MAX_GLOBAL_VARIANCE_RATIO = 0.5
 
 
@@ -56,10 +54,10 @@ class LocalFit(NamedTuple):
     variance : ndarray
         Variance of the FRF about the fit.
     dof : ndarray
-        Complex degrees of freedom behind it.
+        Complex degrees of freedom of `variance`.
     residual : (M, n_y, n_u, F, n) complex ndarray or None
-        Residual of the fit on the lines of each window, times the weight there. None for one output: it is needed for
-        the correlation of outputs only, and long records would keep it for nothing.
+        Residual of the fit on the lines of each window, times the weight there. None for one output: only the
+        correlation of outputs needs it, and it is large for long records.
     """
 
     G: np.ndarray
@@ -71,19 +69,19 @@ class LocalFit(NamedTuple):
 def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
-    The poles of a machine are those of all its entries: the entries of a row share their denominators (Voorhoeve and
-    others, MSSP 2018). Rows do not, as a disturbance of one output is none of the others.
+    All entries of a machine have the same poles, so the entries of a row share their denominators (Voorhoeve and
+    others, MSSP 2018). Rows do not share them, because a disturbance of one output does not act on the others.
 
     Parameters
     ----------
     G : (M, F) or (M, n_y, n_u, F) complex ndarray
         FRF, or matrix, of each realisation.
     weight : ndarray, of the shape of G or (M, 1, n_u, F)
-        |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
+        |U|: the variance of G is modelled as a smooth variance at the output over |U|^2.
     index : LineIndex
-        Its excited lines are those of G.
+        Index of the grid of G.
     noise : ndarray of the shape of G, optional
-        Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
+        Variance of each G by noise, if known: noise need not follow |G| as distortion does.
 
     Raises
     ------
@@ -109,7 +107,8 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
         _, powers, _ = _local_powers(index)
         inverse = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:]))[:, None], 1.0)
         dof_r = n - POLYNOMIAL_ORDER - 1 - 2 / n_u
-        # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
+        # the residual under the denominator follows |G|; without it, it is flat: which of them the distortion does is
+        # unknown, so the larger variance is used
         flat = power(rational_rest / np.maximum(inverse, _MIN_DENOMINATOR)) / dof_r
         variance = np.where(better, np.maximum(rational_variance, flat), variance)
         dof = np.where(better, dof_r, dof)
@@ -118,7 +117,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
             denominator = np.where(flat[..., None] > rational_variance[..., None], 1.0, inverse)
     if noise is not None:
         smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_SMOOTHING_LINES)
-        # and not far under the noise that is known to be there
+        # the variance is not far below the known noise
         share = _noise_correction(variance, denominator, smooth=smooth, window=index.excited_windows)
         least = _MIN_NOISE_SHARE * smooth
         variance = np.maximum(variance * share, least)
@@ -145,11 +144,11 @@ def _apply_global_model(
     lines: np.ndarray,
     noise_variance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Replace value and variance where one rational function over the band explains an FRF (M, E, F) much better.
+    """Replace value and variance if one rational function over the band explains an FRF (M, E, F) much better.
 
     Its residual may be flat at the output or follow |G|. Each hypothesis is weighted by its likelihood; the root mean
-    square of both is the variance that a bound asks for. The degrees of freedom stay those of a window.
-    `noise_variance` is the least that the variance may be, that by noise alone.
+    square of both is the variance for a bound. The degrees of freedom stay those of a window. `noise_variance` is the
+    lower limit of the variance, by noise alone.
     """
     value, variance = value.copy(), variance.copy()
     for m in np.ndindex(G.shape[:-1]):
@@ -158,7 +157,7 @@ def _apply_global_model(
             continue
         shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (weight[m] * weight[m])
         residual = np.add.reduce(squared_modulus(G[m] - whole) / shape, axis=1)
-        variances = np.maximum(residual[:, None] / dof * shape, TINY)  # by hypothesis
+        variances = np.maximum(residual[:, None] / dof * shape, TINY)  # one row per hypothesis
         log_likelihood = -np.add.reduce(np.log(variances), axis=1) * (dof / lines.size)
         likelihood = np.exp(log_likelihood - log_likelihood.max())
         highest = variances.max()
@@ -171,10 +170,10 @@ def _apply_global_model(
 
 
 def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
-    """Fit a rational function to an FRF over all its lines; return it (F,) and the complex degrees of freedom left.
+    """Fit a rational function to an FRF over all its lines; return its values (F,) and its complex degrees of freedom.
 
     Real coefficients in s, stable poles, relative errors; each step weights by the denominator of the step before
-    (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). Returns G itself and 0 where no stable fit was found.
+    (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). Returns G itself and 0 without a stable fit.
     """
     size = np.abs(G)
     relative = weight / np.maximum(size, EPS * size.max() + SMALL_NORM)
@@ -201,7 +200,7 @@ def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) ->
 
 
 def _solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Solve A x = b for real x (p,) by least squares, A (n, p) and b complex, columns scaled to one norm."""
+    """Solve A x = b for real x (p,) by least squares, for complex A (n, p) and b; columns are scaled to one norm."""
     stacked = np.concatenate([A.real, A.imag])
     scale = np.sqrt(np.vecdot(stacked.T, stacked.T))
     scale[scale == 0] = 1.0
@@ -209,7 +208,7 @@ def _solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def is_stable(a: np.ndarray) -> bool:
-    """Whether 1 + a1 s + a2 s^2 (+ a3 s^3 + a4 s^4) has all its roots in the left half-plane (Routh and Hurwitz).
+    """Return whether 1 + a1 s + a2 s^2 (+ a3 s^3 + a4 s^4) has all roots in the left half-plane (Routh, Hurwitz).
 
     >>> is_stable(np.array([0.1, 1.0])), is_stable(np.array([1.0, 3.0, 1.0, 1.0])), is_stable(np.array([1.0, 1, 1, 1]))
     (True, True, False)
@@ -232,20 +231,20 @@ def _fit_polynomial_and_rational(
     Returns
     -------
     value : (M, E, F) complex ndarray
-        Of the model in use at the line itself.
+        Value at the line itself, by the model in use.
     a : (M, F, 2) complex ndarray
-        Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
+        Coefficients of the denominator 1 + a1 r + a2 r^2, common to all E entries.
     residuals : two (M, E, F, n) complex ndarray
         Residual of each model on the lines of the window.
     variances : two (M, E, F) ndarray
         Variance of each.
     use_rational : (M, F) bool ndarray
-        Where the denominator has earned its place.
+        Lines for which the rational model is used.
     """
     window, (r, powers, centred) = index.excited_windows, _local_powers(index)
     (M, E, F), n = G.shape, window.shape[1]
     row = (weight * G).take(window, axis=-1)
-    if is_flat(weight):  # as it was designed: then the grid alone tells the fits
+    if is_flat(weight):  # as designed: the fits then depend on the grid alone
         fitted = (_unweighted_fits(index) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
         rest, at_zero = fitted[..., :-_N_POWERS].reshape(M, E, F, _N_POWERS, n), fitted[..., -_N_POWERS:]
         at_zero = at_zero / weight[..., None]
@@ -260,7 +259,7 @@ def _fit_polynomial_and_rational(
         a, remainder = two_unknowns(rest.transpose(0, 2, 3, 1, 4).reshape(M, F, _N_POWERS, E * n))
         remainder = remainder.reshape(M, F, E, n).swapaxes(1, 2)
         variance_r = power(remainder) / (n - POLYNOMIAL_ORDER - 1 - 2 / E)
-        # at the ends of the band windows are one-sided and the same: there it is as where they are centred
+        # at the ends of the band windows are equal and one-sided: the nearest centred window decides
         first, last = centred[0], centred[-1] + 1
         gained = np.add.reduce(RATIONAL_VARIANCE_RATIO * variance - variance_r, axis=1)
         if (gained > 0).any():
@@ -275,7 +274,7 @@ def _fit_polynomial_and_rational(
 def _local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the distances r (F, n) in each window, from -1 to 1, and the columns 1, -r, -r^2 of the fit (F, 3, n).
 
-    And for each line the nearest one whose window is centred (F,).
+    The third value (F,) is for each line the nearest one with a centred window.
     """
     window, lines = index.excited_windows, index.lines[index.excited]
     r = (lines[window] - lines[:, None]).astype(float)
@@ -294,7 +293,7 @@ def _local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 def _noise_correction(
     variance: np.ndarray, denominator: np.ndarray | float, *, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
-    """Return the factor (M, F) on a variance whose smoothed noise differs over the window, weighted as the residual."""
+    """Return the factor (M, F) on a variance for smoothed noise that varies in a window, weighted as the residual."""
     there = np.add.reduce(denominator**2 * smooth.take(window, axis=-1), axis=-1) / window.shape[1]
     distortion = np.maximum(variance - there, 0.0)
     total = np.maximum(distortion + there, TINY)
@@ -323,16 +322,16 @@ def _orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, 
 
 
 def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the difference of each line of FRFs (..., F) to the parabola through its neighbours without it.
+    """Return the difference of each line of FRFs (..., F) from the parabola through its neighbours.
 
     Returns
     -------
     residual : (..., F) complex ndarray
         G less the parabola through its neighbours.
     scatter : (..., F) ndarray
-        Variance of the neighbours about that parabola.
+        Variance of the neighbours about this parabola.
     spread : (F,) ndarray
-        Variance of `residual` over that of one line.
+        Variance of `residual` over that of a single line.
     """
     around = G.take(index.excited_windows[:, 1:], axis=-1)
     (basis,), (at_zero,) = _unweighted_polynomials(index, with_center=False)
@@ -343,7 +342,7 @@ def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray,
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return `_orthonormal_polynomials` under a weight of one, over each line and its neighbours or these alone."""
+    """Return `_orthonormal_polynomials` under a weight of one, with or without the line itself."""
     r = _local_powers(index)[0][:, 0 if with_center else 1 :]
     both = _orthonormal_polynomials(r, np.ones((1, *r.shape)))
     for array in both:
@@ -353,8 +352,9 @@ def _unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.
 
 @lru_cache(maxsize=_N_CACHED_FITS)
 def _unweighted_fits(index: LineIndex) -> np.ndarray:
-    """Return (F, 3 n + 3, n) maps of a window under a weight of one: to the residual of each column r^k G, then to its
-    value at the line. They depend on the grid alone.
+    """Return (F, 3 n + 3, n) maps of an unweighted window to the residual of each column r^k G and to its value.
+
+    They depend on the grid alone.
     """
     _, powers, _ = _local_powers(index)
     (basis,), (at_zero,) = _unweighted_polynomials(index, with_center=True)
@@ -373,7 +373,7 @@ def _project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -
     Returns the coefficients (..., c, p) and the residual (..., c, n).
     """
     c = powers.shape[-2]
-    parts = np.empty((*row.shape[:-1], 2 * c, row.shape[-1]))  # real ones, so that the products stay real
+    parts = np.empty((*row.shape[:-1], 2 * c, row.shape[-1]))  # real and imaginary parts: real products
     np.multiply(row.real[..., None, :], powers, out=parts[..., :c, :])
     np.multiply(row.imag[..., None, :], powers, out=parts[..., c:, :])
     spanned = parts @ np.swapaxes(basis, -1, -2)

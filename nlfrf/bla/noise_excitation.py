@@ -1,8 +1,8 @@
-"""The BLA from noise excitation by local polynomials, which leak less at a resonance than Welch's segments.
+"""The BLA from noise excitation by local polynomials, which leak less at a resonance than Welch segments.
 
-A quadratic for the FRF and one for the transient over the DFT lines of the whole record around each frequency
-(Pintelon & Schoukens, 2nd ed., 7.2.2). An input that never repeats does not separate distortion from noise: the
-variances hold both.
+A quadratic for the FRF and one for the transient are fitted over the DFT lines of the whole record around each
+frequency (Pintelon & Schoukens, 2nd ed., 7.2.2). An input that never repeats does not separate distortion from noise:
+the variances contain both.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import band_lines
 
-_LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
-_N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
-_N_BANDS = 8  # of the band that is excited
-_MAX_POWER_SCATTER = 4.0  # how many times the scatter of noise that power may have from part to part
-#: Of the power of an input around a line: of noise a third and more is no transient, by chance a tenth.
+_LINES_PER_SIDE = 6  # DFT lines on either side for a local polynomial
+_N_RECORD_PARTS = 16  # parts of the record, over which the power of stationary noise is constant
+_N_BANDS = 8  # parts of the excited band
+_MAX_POWER_SCATTER = 4.0  # largest scatter of the power from part to part, over that of noise
+#: Least share of the input power around a line that is no transient: a third and more for noise, a tenth by chance.
 _MIN_ROUGH_SHARE = 1e-3
-_MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which there is none
+_MIN_INPUT_AMPLITUDE = 1e-12  # share of the largest line of an input below which there is no input
 
 
 @keep_warnings
@@ -43,35 +43,37 @@ def identify_noise(
     f_min: float,
     f_max: float,
 ) -> Bla:
-    """BLA from a record of noise excitation, of any length and not periodic.
+    """Estimate the BLA from a record of noise excitation, of any length and not periodic.
+
+    Use this if the record is noise. Prefer a multisine and `identify`, which separate distortion from noise.
 
     Parameters
     ----------
     u, y : (n,) ndarray
-        Input and output, n of at least 2 n_samples.
+        Input and output, n at least 2 n_samples.
     fs : float
         Sampling frequency [Hz].
     n_samples : int
-        The resolution asked for is fs / n_samples.
+        Samples for the wanted resolution fs / n_samples.
     f_min, f_max : float
         Band [Hz].
 
     Returns
     -------
     Bla
-        With `grid` "noise", `level_source` "coherence" and that `coherence`; distortion contains the noise (var_noise
-        is nan). `levels.excited` is the amplitude of a cosine of the power in one line, fs / n_samples wide.
+        With `grid` "noise", `level_source` "coherence" and its `coherence`; distortion contains the noise (var_noise
+        is nan). `levels.excited` is the amplitude of a cosine with the power of one line, fs / n_samples wide.
 
     Raises
     ------
     ValueError
-        A record that is too short, a band without lines, numbers out of range; lines on which the input has no power
-        distinguishable from a transient, as at the ends of a sweep: G is not determined there.
+        A record that is too short, a band without lines, numbers out of range; lines on which the input power cannot
+        be distinguished from a transient, as at the ends of a sweep: G is not determined there.
 
     Warns
     -----
     DataWarning
-        An input that is no stationary noise (a chirp, bursts), for which the bounds do not hold.
+        The input is no stationary noise (a chirp, bursts), so the bounds do not hold.
 
     References
     ----------
@@ -111,7 +113,7 @@ def identify_noise(
 
 
 def _check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and y as arrays without their means; refuse unequal lengths, records too short for the resolution."""
+    """Return u and y as arrays without their means; refuse unequal lengths and records too short for the resolution."""
     u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
         raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
@@ -125,15 +127,15 @@ def _estimate_frf_local(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Estimate the FRF on `lines`, at f [Hz], by local polynomials over the lines of the whole record around each.
 
-    Returns G (F,), its variance by noise and distortion, the power of the output around each line and of what is left
-    of it, each of one line of the whole record, and the complex degrees of freedom behind the variance.
+    Returns G (F,); its variance by noise and distortion; the power of the output around each line and of its residual,
+    each per line of the whole record; and the complex degrees of freedom of the variance.
     """
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)
     side = max(_LINES_PER_SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
-    # from the frequency that is wanted, which lies between the lines or, at the ends of the band, off the middle
+    # distance from the wanted frequency, which lies between lines or, at the ends of the band, off the centre
     s = (around - (lines * ratio)[:, None]) / side
     # Y = (g0 + g1 s + g2 s^2) U + t0 + t1 s + t2 s^2, the wanted g0 last
     A = np.stack([s**2, s, np.ones(s.shape), s**2 * U[around], s * U[around], U[around]], axis=-1)
@@ -146,7 +148,7 @@ def _estimate_frf_local(
 
 
 def _require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
-    """Refuse lines whose input power is smooth over frequency but for a share (F,) that is too small.
+    """Refuse lines on which too small a share (F,) of the input power is rough over frequency.
 
     At the ends of its band a sweep is smooth over frequency, as transients are. The output does not show which of the
     two it follows, so G is not determined there, and its bound looks narrow.
@@ -162,7 +164,7 @@ def _require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
         raise ValueError(
             f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} "
             f"without, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a "
-            "sweep, a line that was not played) and G is not determined; play noise or a multisine"
+            "sweep, a line that was not played), so G is not determined; play noise or a multisine"
             f"{cure}"
         )
 
@@ -187,5 +189,5 @@ def _warn_of_nonstationary_input(u: np.ndarray) -> None:
     if ratios and np.mean(ratios) > _MAX_POWER_SCATTER:
         data_warning(
             f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
-            "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time"
+            "as much over time as that of noise, as for chirps and bursts; play a multisine, or noise all the time"
         )

@@ -1,8 +1,9 @@
 """Realisations with the same phases, merged into periods of one; unequal amplitude spectra; low crest factors.
 
-The same file played again is no new realisation: it has the same distortion, and the scatter does not show it. The
-phases do. For lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c changes neither with a
-delay nor with a constant phase, so equal phases are found whatever the trigger, without a search over delays.
+The same file played again is no new realisation: it has the same distortion, which the scatter does not show. Its
+phases show the repeat. For lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
+change with a delay or with a constant phase, so equal phases are found whatever the trigger, without a search over
+delays.
 """
 
 from __future__ import annotations
@@ -20,21 +21,19 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import LineGrid, chance_correlation
 
-_N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
-_MAX_LEVEL_DIFFERENCE = 2.0  # [dB] between realisations that belong together, where the level does not scatter
-_MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, where it does
-#: Probability with which independent phases may pass for the same ones, in a whole experiment.
+_N_BAND_PARTS = 8  # parts of the band, over which the input power of realisations is compared
+_MAX_LEVEL_DIFFERENCE = 2.0  # [dB] largest difference between realisations, if the level does not scatter
+_MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, if it scatters
+#: Probability that independent phases pass for equal ones, in a whole experiment.
 _FALSE_MATCH_PROBABILITY = 1e-9
-#: Share of its power that a noisy input has in common with another one of the same phases, at least.
+#: Least share of the power of a noisy input in common with another one with equal phases.
 _MIN_SHARED_POWER = 0.5
-_MIN_OWN_AMPLITUDE = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
-_MIN_PHASE_LINES = 4  # lines from which phases can be compared
-_MIN_CREST_LINES = 6  # lines whose sum has peaks as of a normal distribution
-#: Pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is.
+_MIN_OWN_AMPLITUDE = 1e-3  # least amplitude of its own lines for an input of a zippered record, over the largest
+_MIN_PHASE_LINES = 4  # fewest lines with which phases can be compared
+_MIN_CREST_LINES = 6  # fewest lines whose sum has peaks as of a normal distribution
+#: Number of pairs of equal steps that suffice to find equal phases at any delay, so that none has to be tried.
 _ENOUGH_STEP_PAIRS = 30
-_MAX_REFERENCES = (
-    100  # realisations against which all others are held; a set of files that is played again is no larger
-)
+_MAX_REFERENCES = 100  # realisations with which all others are compared; a set of files played again is no larger
 
 
 def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray, name: str = "u") -> np.ndarray:
@@ -43,7 +42,7 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
     Returns
     -------
     (M,) ndarray
-        Number of peaks above its own crest that random phases would have, on average one; zeros on too few lines.
+        Expected number of peaks of random phases above the crest of the input, one on average; zeros for too few lines.
     """
     if amplitude.size < _MIN_CREST_LINES:
         return np.zeros(len(u))
@@ -53,11 +52,10 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
     peaks = expected_peaks(crest, lines, amplitude=amplitude, n_samples=u.shape[1])
     if is_improbable(peaks):
         data_warning(
-            f"{name} must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, "
-            "lower than random phases of its spectrum have it but once in 100000 experiments. Where the phases were "
-            "chosen for low peaks, or the input was clipped, the BLA and its bound are those of that signal: the 95 % "
-            "bound may hold half the time; play random phases, or the best of a few draws (reduce_crest without a "
-            "target)"
+            f"{name} must have random phases for an estimate of distortion: its crest factor is {crest.mean():.2f}, "
+            "which random phases with its spectrum reach once in 100000 experiments. If the phases were chosen for low "
+            "peaks, or the input was clipped, the BLA and its bound hold for that signal only: the 95 % bound may hold "
+            "half the time; play random phases, or the best of a few draws (reduce_crest without a target)"
         )
     return peaks
 
@@ -65,10 +63,10 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
 def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: int) -> tuple[Spectra, list[int]]:
     """Merge experiments that repeat one another into periods of one, with a warning.
 
-    Two experiments repeat one another where all inputs of one are those of the other after one common delay.
-    Experiments of an orthogonal set may have the same phases but for a constant in each input: these are no repeats. A
-    group is shifted to the trigger of its first member; its noise is the scatter over members and periods. Where no
-    whole sets would be left, all experiments stay as they are.
+    Two experiments repeat one another if all inputs of one are those of the other after one common delay. Experiments
+    of an orthogonal set may have equal phases up to a constant in each input; these are no repeats. A group is shifted
+    to the trigger of its first member; its noise is the scatter over members and periods. If no whole sets would
+    remain, all experiments are kept.
 
     Returns
     -------
@@ -81,8 +79,8 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     listed = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
     data_warning(
         f"u holds {kind}s with the same phases ({listed}): they repeat one another, so their distortion does not "
-        f"average out. They were taken as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
-        f"play others, as of multisine(n_realizations={n // excited.experiments_per_set})"
+        f"average out. They count as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
+        f"play others, as from multisine(n_realizations={n // excited.experiments_per_set})"
     )
     P, sizes = spectra.n_periods, [len(group) for group, _ in groups]
     parts, scatters = map(list, zip(*(_merge_group(spectra, *group) for group in groups), strict=True))
@@ -96,7 +94,7 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
 
 
 def _fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
-    """Return the scatters of groups of one period each; that of a group of one, not known, is that of the others."""
+    """Return the scatters of groups with one period each; a group of one gets the scatter of the other groups."""
     merged = [m for m, g in enumerate(sizes) if g > 1]
     others = [
         np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1) for k in (0, 1)
@@ -123,13 +121,13 @@ def _merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tup
 
 
 def _pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
-    """Stack scatters (n, D, K) to (n, M, D, K), with zeros, which add no variance, where D is smaller."""
+    """Stack scatters (n, D, K) to (n, M, D, K), padded with zeros, which add no variance."""
     most = max(one.shape[1] for one in scatters)
     return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
 
 
 def _find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
-    """Group the experiments that repeat one another: their numbers, and their delays after the first [periods]."""
+    """Group the experiments that repeat one another: their numbers, and their delays against the first [periods]."""
     excitation, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
     labels = np.zeros((len(excitation), M), dtype=int)
     for of_input, U in zip(labels, excitation, strict=True):
@@ -158,12 +156,12 @@ def _find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
 
 
 def _normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return U* times another spectrum (..., F), line by line, over the norms of both."""
+    """Return U* times another spectrum (..., F), per line, over the norms of both."""
     return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
 
 def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
-    """Group the realisations (M, F) that have the same phases but for a delay, as lists of their numbers."""
+    """Group the realisations (M, F) that have equal phases up to a delay, as lists of their numbers."""
     n, n_lines = U.shape
     steps = pair_equal_steps(index)
     same = np.zeros((n, min(n, _MAX_REFERENCES)), dtype=bool)
@@ -172,18 +170,18 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
-        weighted = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
+        weighted = U / (root * np.sqrt(root))  # so that a product of four is weighted by the amplitude of the lines
         step = weighted[:, 1:] * weighted[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
         same = same | _match_phases(turned, squared_modulus(turned @ turned[:_MAX_REFERENCES].conj().T), 1)
-    elif n <= _MAX_REFERENCES:  # few lines are equally far apart: every delay is tried
+    elif n <= _MAX_REFERENCES:  # few equal steps between lines: every delay is tried
         n_delays = fast_length(8 * int(index.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
             products[:, index.lines[index.excited]] = U[m].conj() * U
             most[m] = squared_modulus(np.fft.fft(products)).max(axis=-1)
         same = same | _match_phases(U, most, 4 * n_delays)
-    if np.count_nonzero(same) <= min(n, _MAX_REFERENCES):  # each with itself
+    if np.count_nonzero(same) <= min(n, _MAX_REFERENCES):  # each realisation equals itself only
         return [[m] for m in range(n)]
     groups: list[list[int]] = []
     lines = index.lines[index.excited]
@@ -203,17 +201,17 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def pair_equal_steps(index: LineIndex) -> np.ndarray:
-    """Return (2, n) pairs i, j of excited lines, by their order, whose distances to the next line are equal."""
+    """Return (2, n) pairs i, j of excited lines, by their index, with equal distances to the next line."""
     steps = np.diff(index.lines[index.excited])
     order = np.lexsort((np.arange(steps.size), steps))
     return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
 
 
 def _match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np.ndarray:
-    """Return (M, m) bool: which rows of x (M, n) correlate with the first m rows beyond chance.
+    """Return (M, m) bool, the rows of x (M, n) that correlate with the first m rows beyond chance.
 
-    `product_power` (M, m) holds the squared moduli of their inner products. Whether they agree fully, and not in part,
-    is decided after `_estimate_delay`.
+    `product_power` (M, m) holds the squared moduli of their inner products. `_estimate_delay` then decides whether they
+    agree fully or in part.
     """
     if x.shape[1] < _MIN_PHASE_LINES:
         return np.eye(*product_power.shape, dtype=bool)
@@ -222,17 +220,16 @@ def _match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np
     chance = _FALSE_MATCH_PROBABILITY / (product_power.size * n_delays)
     like = product_power > chance_correlation(chance, x.shape[1]) * whole
     if np.count_nonzero(like) <= product_power.shape[1]:
-        return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
-    n = float(
-        np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1))
-    )  # lines that weigh something
+        return np.asarray(like)  # each row matches itself only
+    # equivalent number of lines with weight
+    n = float(np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1)))
     if n < _MIN_PHASE_LINES:
         return np.eye(*product_power.shape, dtype=bool)
     return np.asarray(product_power > chance_correlation(chance, n) * whole)
 
 
 def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """Estimate the delay after a signal of the same phases [periods], and the correlation at that delay.
+    """Estimate the delay against a signal with the same phases [periods], and the correlation at this delay.
 
     `product` (F,) is that of `_normalized_products`.
     """
@@ -241,28 +238,28 @@ def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, floa
     spectrum = np.zeros(fine, dtype=complex)
     spectrum[lines] = product
     delay = float(np.argmax(np.fft.fft(spectrum).real)) / fine
-    for _ in range(3):  # from the grid of delays to the maximum itself
+    for _ in range(3):  # Newton steps from the grid of delays to the maximum
         now = product * np.exp(-2j * np.pi * lines * delay)
         slope, curvature = np.sum(lines * now.imag), np.sum(lines**2 * now.real)
         delay += slope / (2 * np.pi * max(curvature, 1e-300))
     shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real)
-    # a delay that explains no more than none is noise
+    # a delay that explains no more than zero delay is noise
     return (0.0, correlation_at_zero) if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9 else (delay, shared)
 
 
 def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
-    """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
+    """Refuse realisations with another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
-    A measured force scatters from line to line and from realisation to realisation where the shaker gives way, most at
-    a resonance. So the limit is at least `_MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
+    A measured force scatters from line to line and from realisation to realisation if the shaker is weak, most at a
+    resonance. So the limit is at least `_MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
     """
     if (np.maximum.reduce(powers) <= 10 ** (_MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
-        return  # not even a single line differs as much
+        return  # no line differs by more
     first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // _N_BAND_PARTS))
     level = 10 * np.log10(powers)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
-    jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none
+    jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter jumps, another spectrum does not
     difference, scatter = np.abs(_mean_over_band_parts(level, first)), _mean_over_band_parts(jumps, first)
     n_lines = np.diff(np.append(first, [powers.shape[1], 2 * powers.shape[1]]))
     beyond = difference / np.maximum(
@@ -272,7 +269,7 @@ def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_n
     if beyond[worst, part] > 1:
         raise ValueError(
             f"u must have the same amplitude spectrum in every {kind}, got {kind} {first_number + worst} up to "
-            f"{difference[worst, part]:.1f} dB apart from the others"
+            f"{difference[worst, part]:.1f} dB from the others"
         )
 
 

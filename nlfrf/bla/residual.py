@@ -1,8 +1,8 @@
-"""The nonlinear residual: the outputs of all experiments less their linear part, on excited and detection lines.
+"""The nonlinear residual: the outputs of all experiments minus their linear part, on excited and detection lines.
 
     Y_residual = Y - G U        (Pintelon & Schoukens, 2nd ed., 3.4 and 4.3: Y_s, the stochastic nonlinear contribution)
 
-G U is subtracted on detection lines too, because a real actuator, or a loop, puts input power there.
+G U is subtracted on detection lines, too: a real actuator, or a loop, puts input power there.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from nlfrf.bla.local_models import NOISE_SMOOTHING_LINES
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-#: Largest over least |G|^2, of means over the lines around, from which the place of distortion matters.
+#: Largest over smallest |G|^2, as means over neighbouring lines, above which the place of the distortion matters.
 _MIN_GAIN_VARIATION = 1.5
-_CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters
+_CLEAR_GAIN_VARIATION = 2.0  # the same for single lines, which scatter in one realisation
 
 
 class NonlinearResidual(NamedTuple):
-    """The outputs of all experiments less their linear part.
+    """The outputs of all experiments minus their linear part.
 
     Fields
     ------
     G : (n_y, n_u, K) complex ndarray
         The matrix, locally fitted and interpolated to all lines, excited and not.
     gain : (n_y, K) ndarray
-        Mean square of each output over what experiments as strong on all lines would make of the matrix as measured,
-        sum_i |G_ji|^2 a_i^2, interpolated. A local fit smears a light mode, and takes its level with it; in a loop U
-        dips at a resonance, and distortion does not.
+        Mean square of each output over the excitation power, for the matrix as measured and equal power on all lines:
+        sum_i |G_ji|^2 a_i^2, interpolated. A local fit smears a light mode, and its level with it; in a loop U dips at
+        a resonance, and distortion does not.
     gain_varies : (n_y,) tuple of bool
-        Whether it changes over the band, so that it matters what drives the distortion, and where.
+        True if `gain` changes over the band, so that source and place of the distortion matter.
     Y : (n_y, M, K) complex ndarray
-        Y - G U: a real actuator, or a loop, puts some input on detection lines too.
+        Y - G U, also on detection lines.
     noise : (n_y, K) ndarray
         Variance of Y by noise, averaged over experiments; nan for one period.
     """
@@ -48,7 +48,7 @@ class NonlinearResidual(NamedTuple):
     noise: np.ndarray
 
     def smoothed_noise(self, output: int) -> np.ndarray | None:
-        """Return the (K,) noise variance of an output, averaged over neighbouring lines; None where unknown or zero."""
+        """Return the (K,) noise variance of an output, averaged over neighbouring lines; None if unknown or zero."""
         noise = self.noise[output]
         if np.isnan(noise[0]) or not noise.any():
             return None
@@ -67,14 +67,14 @@ def gain_varies(gain: np.ndarray) -> bool:
 def nonlinear_residual(
     spectra: Spectra, excited: Spectra, *, measured: np.ndarray, smooth: np.ndarray
 ) -> NonlinearResidual:
-    """Return the outputs less their linear part, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
+    """Return the outputs minus their linear part, from a measured and a smoothed matrix (n_y, n_u, F)."""
     index = spectra.index
     G = _interpolate_frf(smooth, index)
     a = np.add.reduce(excited.mean_power_U, axis=1) / excited.lines.size
     of_smooth = np.vecmat(a, squared_modulus(smooth))
     if smooth is measured:
         gain = np.vecmat(a, squared_modulus(G))
-    else:  # a local fit smears a light mode, and takes its level with it
+    else:  # a local fit smears a light mode, and its level with it
         gain = _interpolate_gain(np.vecmat(a, squared_modulus(measured)), index)
     scatter = residual_scatter(G, spectra)
     noise = np.add.reduce(squared_modulus(scatter), axis=(1, 2)) / (scatter.shape[1] if scatter.shape[2] else np.nan)
@@ -82,7 +82,7 @@ def nonlinear_residual(
     return NonlinearResidual(
         G=G,
         gain=gain,
-        # one realisation scatters more than a static gain changes
+        # of the smoothed matrix: one realisation scatters more than a static gain changes
         gain_varies=tuple(map(gain_varies, of_smooth)),
         Y=spectra.Y - linear,
         noise=noise,
@@ -98,7 +98,7 @@ def _interpolate_gain(gain: np.ndarray, index: LineIndex) -> np.ndarray:
 def _interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
     """Interpolate G (..., F) to all lines, linear in log magnitude and in phase; constant beyond the ends."""
     magnitude = np.abs(G)
-    # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
+    # an output without linear part has G = 0; a floor at rounding can still be squared and divided by
     floor = np.maximum(EPS * magnitude.max(axis=-1, keepdims=True), SMALL_NORM)
     logarithm = np.empty(G.shape, dtype=complex)
     np.log(np.maximum(magnitude, floor), out=logarithm.real)
@@ -112,7 +112,7 @@ def _interpolate_to_lines(x: np.ndarray, index: LineIndex) -> np.ndarray:
     np.subtract(x[..., 1:], x[..., :-1], out=rise[..., :-1])
     if x.dtype == complex:
         turns = rise.imag / (2 * np.pi)
-        rise.imag -= 2 * np.pi * np.rint(turns, out=turns)  # phase goes the shorter way round
+        rise.imag -= 2 * np.pi * np.rint(turns, out=turns)  # the phase takes the shorter way round
     return np.asarray(
         x.take(index.excited_below, axis=-1) + index.interpolation_weight * rise.take(index.excited_below, axis=-1)
     )

@@ -1,12 +1,12 @@
 """Spectra of every channel on the lines of a record: mean and scatter over periods, transients subtracted.
 
-In the DFT of P whole periods the lines that are not multiples of P hold transient and noise only. The transient is a
-smooth, rational function of frequency, so it is fitted there and read at the harmonics in between, excited and not,
+In the DFT of P whole periods the lines that are not multiples of P contain transient and noise only. The transient is a
+smooth, rational function of frequency, so it is fitted there and evaluated at the harmonics in between,
 
     T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2),
 
-(local rational method, LRM), or as a polynomial (LPM) where noise leaves the denominator undetermined (Pintelon &
-Schoukens, 2nd ed., 7.2.2 and 7.3). That keeps all periods, where discarding the first costs 1/P of the record.
+(local rational method, LRM), or as a polynomial (LPM) if noise leaves the denominator undetermined (Pintelon &
+Schoukens, 2nd ed., 7.2.2 and 7.3). This uses all periods; discarding the first costs 1/P of the record.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from nlfrf.bla.line_index import LineIndex
 from nlfrf.records.record import Record
 from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
-TREATMENTS = ("auto", "none", "discard", "local")  # of the transient
-_LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
-_MAX_FOREIGN_AMPLITUDE = 0.03  # of the amplitude of the input that a line drives, below which it drives no other
-#: Residual power of the rational over the polynomial fit below which it is used: fitted to noise alone it gives 1/2.
+TREATMENTS = ("auto", "none", "discard", "local")  # treatments of the transient
+_LINES_PER_SIDE = 6  # lines on either side of a harmonic for one fit
+_MAX_FOREIGN_AMPLITUDE = 0.03  # amplitude of a second input on a line, over the first, up to which it drives one
+#: Residual power of the rational over the polynomial fit below which it is used: noise alone gives 1/2.
 _RATIONAL_POWER_RATIO = 0.25
 
 
@@ -54,7 +54,7 @@ def _choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray)
 
 
 def _has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray) -> bool:
-    """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so periods agree.
+    """Return whether the signal drifts by more than noise: periods with the same ramp agree, but leak onto the lines.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def _has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines:
     slope : (M,) ndarray
         Change of the mean from period to period.
     lines : (K,) int ndarray
-        Those lines: a ramp has the amplitude slope / (pi k) on line k.
+        These lines: a ramp has the amplitude slope / (pi k) on line k.
     """
     difference = first[:, :WINDOW_LINES] - last[:, :WINDOW_LINES]
     noise, whole = np.vdot(difference, difference).real / difference.size / 2, np.vdot(last, last).real / last.size
@@ -84,18 +84,18 @@ def _fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.nda
     Returns
     -------
     T : (M, K) complex ndarray
-        Transient at each line, an amplitude as of 2/N rfft of the period mean.
+        Transient at each line, an amplitude as in 2/N rfft of the period mean.
     residual : (M, K, 2 LINES_PER_SIDE) complex ndarray
-        Residual of the fit on the lines in between, scaled by its degrees of freedom: the sum of squares is the
-        variance by noise of the period mean.
+        Residual of the fit on the lines in between, scaled by its degrees of freedom: its sum of squares is the
+        variance of the period mean by noise.
     leverage : (M, K) ndarray
-        Variance of T over that variance.
+        Variance of T over this variance.
     """
     n_realizations, n_periods, n_samples = x.shape
     r = _nonharmonic_offsets(n_periods)
     n_total = n_periods * n_samples
     at = (lines[:, None] * n_periods + r) % n_total
-    mirrored = at > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
+    mirrored = at > n_total // 2  # beyond 0 and Nyquist the spectrum of a real signal is conjugated
     places = np.where(mirrored, n_total - at, at)
     X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
     for m in range(n_realizations):
@@ -133,14 +133,14 @@ class Spectra:
     U, Y : (n_u, M, K), (n_y, M, K) complex ndarray
         Mean over periods, so that |U| is the amplitude of the cosine on that line.
     R : (n_u, M, K) complex ndarray or None
-        The same of the references.
+        The same for the references.
     dU, dY : (n_u, M, D, K), (n_y, M, D, K) complex ndarray
-        Scatter: its products, summed over D, are the covariance of the mean by noise. Of an input that repeats exactly
-        one of zero; D = 0 for one period.
+        Scatter: its products, summed over D, are the covariance of the mean by noise. A single zero for an input that
+        repeats exactly; D = 0 for one period.
     n_periods : int
-        Periods behind the means.
+        Number of periods in the means.
     index : LineIndex
-        Where each kind of line stands among all lines of the grid, and its neighbours.
+        Indices of each kind of line of the grid, with its neighbours.
     """
 
     lines: np.ndarray
@@ -154,7 +154,7 @@ class Spectra:
 
     @cached_property
     def excitation(self) -> np.ndarray:
-        """(n_u, M, K) the references where they are known, else the inputs: the excitation with the least noise."""
+        """(n_u, M, K) the references if known, else the inputs: the excitation with the least noise."""
         return self.U if self.R is None else self.R
 
     @cached_property
@@ -164,12 +164,12 @@ class Spectra:
 
     @cached_property
     def mean_power_U(self) -> np.ndarray:
-        """(n_u, K) its mean over experiments."""
+        """(n_u, K) mean of |U|^2 over experiments."""
         return np.asarray(np.add.reduce(self.power_U, axis=1) / self.U.shape[1])
 
     @cached_property
     def amplitude(self) -> np.ndarray:
-        """(K,) rms over inputs and experiments of |U|, each input over its own size: they have different units."""
+        """(K,) rms over inputs and experiments of |U|, each input over its own size, because units differ."""
         each = self.mean_power_U
         if len(each) > 1:
             each = each / each.sum(axis=1, keepdims=True)
@@ -190,7 +190,7 @@ class Spectra:
         return 1 if self.is_zippered else len(self.U)
 
     def select_excited(self) -> Spectra:
-        """Return the spectra on the excited lines alone."""
+        """Return the spectra on the excited lines only."""
         at = self.index.excited
         some = {name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")}
         R = None if self.R is None else self.R.take(at, axis=-1)
@@ -200,7 +200,7 @@ class Spectra:
 def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
     """Return the (n_y, M, D, K) scatter dY - G dU of the residual by noise.
 
-    G is (n_y, n_u, K), or one matrix a set, (R, n_y, n_u, K).
+    G is (n_y, n_u, K), or one matrix per set, (R, n_y, n_u, K).
     """
     dU, dY = spectra.dU, spectra.dY
     if not dU.any():  # inputs that repeat exactly
@@ -220,17 +220,17 @@ def period_spectra(
     ----------
     record : Record
     index : LineIndex
-        Of the lines of its grid.
+        Index of its grid.
     transient : str
-        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
-        periods of the outputs agree but for noise, discard where that leaves periods that agree, else local.
+        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": "none" if the periods of
+        the outputs agree within noise, "discard" if that leaves periods that agree, else "local".
     U : (n_u, M, P or 1, K) complex ndarray, optional
-        Spectra of the inputs on those lines (`channel_dft`), where they are known already.
+        Spectra of the inputs on those lines (`channel_dft`), if known already.
 
     Raises
     ------
     ValueError
-        One period only, where the transient is to be discarded or fitted.
+        One period only, and the transient is to be discarded or fitted.
     """
     n_periods, lines = record.n_periods, index.lines
     if transient in ("discard", "local") and n_periods < 2:
@@ -254,7 +254,7 @@ def period_spectra(
 
 
 def _drop_first_period(X: np.ndarray) -> np.ndarray:
-    """Return X (n, M, P, K) without its first period; a single one that stands for all equal periods stays."""
+    """Return X (n, M, P, K) without its first period; a single one, which represents equal periods, stays."""
     return X[:, :, 1:] if X.shape[2] > 1 else X
 
 
@@ -270,7 +270,7 @@ def _mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.nda
 
 
 def _subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Subtract the transient of x from the mean (n, M, K) on every line; return it with its scatter."""
+    """Subtract the transient of x from the mean (n, M, K) on every line; return the mean with its scatter."""
     T, residual, leverage = _fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
     scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
     return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
@@ -285,14 +285,14 @@ def channel_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
 def period_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the (M, P, K) amplitudes of the lines in each period of x (M, P, N).
 
-    (M, 1, K) where all periods are equal, as those of a generator's signal are: they need one transform.
+    (M, 1, K) if all periods are equal, as for the signal of a generator: one transform suffices.
     """
     n_realizations, n_periods, n_samples = x.shape
     some = iterate_blocks(n_realizations, n_periods * n_samples)
     if (x[:, 0, 0] == x[:, -1, 0]).all() and all(has_equal_periods(x[m]) for m in some):
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
-    if n_samples > BLOCK_ENTRIES:  # then what is worked on at a time is a period, or less
+    if n_samples > BLOCK_ENTRIES:  # memory is limited to one period, or less
         for m, p in np.ndindex(x.shape[:2]):
             np.multiply(rfft_at(x[m, p], lines), 2 / n_samples, out=spectra[m, p])
         return spectra

@@ -2,11 +2,11 @@
 
     (1 + a1 r + a2 r^2) G_ji(r) = B_0 + B_1 r + B_2 r^2,  r: distance in the window
 
-A column is measured on its own lines, and fitted on the others over the nine of its own lines around each. All entries
-of a machine share its poles, so a1 and a2 are fitted to all columns at once: first reweighted by the denominator of the
-step before (Sanathanan & Koerner 1963), because a small denominator would hide the peak it makes, then by Gauss-Newton,
-because noise in the regressors biases the reweighted fit. The errors of the lines of a window are propagated to the
-fitted value to first order.
+A column is measured on its own lines. On other lines it is fitted over the nine nearest of its own lines. All entries
+of a machine share its poles, so a1 and a2 are fitted to all columns at once. The first rounds are reweighted by the
+denominator of the round before (Sanathanan & Koerner 1963), because a small denominator would hide the peak it makes.
+Gauss-Newton rounds follow, because noise in the regressors biases the reweighted fit. The errors of the lines of a
+window are propagated to the fitted value to first order.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
 _N_REWEIGHTED_ROUNDS, _N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
-#: Of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands.
+#: Least |1 + a1 r + a2 r^2| on a line: below it a pole lies on the line, and the round before is kept.
 _MIN_ZIPPERED_DENOMINATOR = 0.02
 
 
 @value(copy=False)
 class _ColumnInterpolation:
-    """How the columns were interpolated between their own lines.
+    """Interpolation of the columns between their own lines.
 
     Fields
     ------
     owner : (F,) int ndarray
-        Which input each line drives.
+        Input that each line drives.
     line_variance : (F,) ndarray
-        Variance of an entry of that column over that of one experiment's residual.
+        Variance of an entry of its column over that of one experiment's residual.
     window : (F, n_u, n) int ndarray
-        Lines, as indices, from which column i was fitted at line k.
+        Indices of the lines from which column i was fitted at line k.
     error_weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
-        Derivative of each fitted entry by the error of each entry of its window.
+        Derivative of each fitted entry with respect to the error of each entry of its window.
     """
 
     owner: np.ndarray
@@ -50,12 +50,12 @@ class _ColumnInterpolation:
 
 
 def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, _ColumnInterpolation]:
-    """Estimate the matrix in open loop; the scatter over experiments is that of the column that a line drives."""
+    """Estimate the matrix in open loop; the scatter over experiments is that of the column driven by a line."""
     lines, U, Y = excited.lines, excited.U, excited.Y
     (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(lines.size)
     size = np.sqrt(excited.mean_power_U)
     owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
-    measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
+    measured = Y / U[owner, :, k].T  # (n_y, M, F), the column that the line drives
     column = measured.mean(axis=1)
     G, between = _interpolate_columns(column, lines, owner=owner, line_variance=1 / (M * size[owner, k] ** 2))
     each = np.broadcast_to(G, (M, *G.shape)).copy()
@@ -91,9 +91,8 @@ def _interpolate_columns(
     r = (lines[window] - lines[:, None, None]).astype(float)
     r /= np.abs(r).max(axis=(1, 2), keepdims=True)  # (F, n_u, n)
     g = np.moveaxis(column[:, window], 0, 2)  # (F, n_u, n_y, n)
-    known = np.sqrt(np.mean(line_variance[window], axis=2))[
-        :, :, None, None
-    ]  # of each column, in the units of its input
+    # for each column, in the units of its input
+    known = np.sqrt(np.mean(line_variance[window], axis=2))[:, :, None, None]
     size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
     D = _fit_denominator(r, g, size)
     plain, rational = (_residual_power(r, g, D=one, size=size) for one in (np.ones(D.shape), D))
@@ -102,7 +101,7 @@ def _interpolate_columns(
     D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
     at_zero, _, _, slopes, rest = _fit_numerator(r, g, D)
     value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
-    # a step of (a1, a2) by the error of a window, and what it does to the fitted value
+    # step of (a1, a2) by the error of a window, and its effect on the fitted value
     rows = (rest / size[..., None]).reshape(F, -1, 2)
     step = np.linalg.pinv(rows, rcond=1e-10).reshape(F, 2, n_u, n_y, width) / size[:, None]
     step = np.where(better[:, None, None, None, None], step, 0.0)
@@ -128,7 +127,7 @@ def _fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndar
     fit : (F, n_u, n_y, n) complex ndarray
         Fitted values.
     slopes, slope_residuals : (F, n_u, n_y, n, 2) complex ndarray
-        Derivatives of the fit by (a1, a2) under a fixed numerator, and their residuals after the numerator is refitted.
+        Derivatives of the fit by (a1, a2) for a fixed numerator, and their residuals after a new fit of the numerator.
     """
     w = 1 / D
     basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(POLYNOMIAL_ORDER + 1))  # (F, n_u, n, 3)
@@ -141,7 +140,7 @@ def _fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndar
 
 
 def _numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Return x (F, n_u, n_y, n) less its projection onto the columns of `basis`."""
+    """Return x (F, n_u, n_y, n) minus its projection onto the columns of `basis`."""
     return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
 
 
@@ -180,14 +179,14 @@ def bound_interpolated_columns(
 
     Parameters
     ----------
-    interpolation : ColumnInterpolation
-        How the columns were fitted.
+    interpolation : _ColumnInterpolation
+        Interpolation of the columns.
     gamma : (n_u, n_u, F) ndarray
         Diagonal, as if every column had been measured on every line.
     cov : (n_y, n_y, F) complex ndarray
         Covariance of one experiment's residual.
     n_sets : int
-        Experiments R behind it.
+        Number R of experiments behind it.
 
     Returns
     -------
@@ -196,7 +195,7 @@ def bound_interpolated_columns(
     """
     n_y, F = len(cov), cov.shape[2]
     C = np.moveaxis(cov, 2, 0)
-    lines = interpolation.line_variance[:, None, None] * C  # of the column that each line drives
+    lines = interpolation.line_variance[:, None, None] * C  # for the column that each line drives
     around = lines[interpolation.window]  # (F, n_u, n, n_y, n_y)
     columns = np.einsum(
         "fijanl,fanlm,fipanm->fijp",
@@ -215,8 +214,8 @@ def bound_interpolated_columns(
         fitted = interpolation.owner != i
         ratio = np.einsum("fjj->fj", columns[:, i]).real / np.einsum("fjj->fj", C).real
         own, smooth = gamma[i, i].real, ratio.max(axis=1)
-        # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
-        # bound(of="realization") is n_sets times one
+        # a fit scatters less than a line, but a new set may have measured on this line what was fitted here: its share
+        # in bound(of="realization") is n_sets times one
         gamma[i, i] = np.where(
             fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), interpolation.line_variance
         )

@@ -146,7 +146,7 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
         (dict(std=1.0, G=np.abs(G)), r"G must be complex, .* which have no phase: .*magnitude \* np\.exp\(1j\*phase\)"),
         (dict(std=1.0, G=np.full(F.size, 2)), r"G must be complex, .*G \+ 0j of a gain that turns no phase"),
         (dict(coherence=1.0, n_averages=9), r"coherence must be below 1 on some lines, .*single average.*give std"),
-        (dict(std=1.0, hold="zoh"), r"fs must be given where hold is .zoh."),
+        (dict(std=1.0, hold="zoh"), r"fs must be given if hold is .zoh."),
         (dict(std=object()), r"std must hold real numbers"),
         (dict(std=1.0, outputs=["y", "z"]), r"outputs must be one name, got "),
         (dict(std=1.0, inputs=["a", "b"]), r"inputs must be one name, got "),

@@ -144,7 +144,7 @@ def test_the_file_of_a_matrix_and_of_its_record_keep_them(suffix, tmp_path):
     read = nlfrf.load_record(tmp_path / f"r{suffix}")
     assert read.warnings == ("said before",)
     bla, said = shown(identify, read)
-    assert "one period does not tell noise" in said[0]
+    assert "one period does not separate noise" in said[0]
     assert bla.warnings == ("said before", *said)
     assert bla.entry(0, 1).warnings == bla.warnings
     if suffix != ".mat":

@@ -6,7 +6,7 @@ import pytest
 import nlfrf
 
 #: A fifth power that makes most of the gain does change it from one experiment to the next.
-pytestmark = pytest.mark.filterwarnings("ignore:one period does not tell noise", "ignore:.* in experiment . of 2")
+pytestmark = pytest.mark.filterwarnings("ignore:one period does not separate noise", "ignore:.* in experiment . of 2")
 DESIGN = dict(kind="random-odd", fs=1024, n_samples=1024, f_min=1, f_max=130, n_inputs=2)
 
 

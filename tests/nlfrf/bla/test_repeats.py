@@ -108,7 +108,7 @@ def test_the_experiments_of_a_set_are_no_repeats(rms):
 
 def test_half_a_repeat_is_left_as_it_is():
     """Three of four experiments would be left: no whole sets."""
-    with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly"):
+    with pytest.warns(nlfrf.DataWarning, match="the experiments separate the inputs badly"):
         assert nlfrf.identify(record([0, 1, 0, 3]), transient="none").experiment.n_experiments == 4
 
 

@@ -153,18 +153,18 @@ def test_inputs_of_other_spectra_are_told_apart_as_well(recwarn):
 def test_warnings_and_refusals():
     ms = nlfrf.multisine(**BAND, n_inputs=2, rng=7)
     record = linear(ms)
-    with pytest.warns(nlfrf.DataWarning, match="one period does not tell noise from distortion"):
+    with pytest.warns(nlfrf.DataWarning, match="one period does not separate noise from distortion"):
         nlfrf.identify(linear(ms, n_periods=1))
     few = nlfrf.Record(u=record.u[:, :1], y=record.y[:, :1], fs=512, lines=ms.lines)
     with pytest.raises(ValueError, match="record must hold n_inputs = 2 experiments a set"):
         nlfrf.identify(few)
     same = nlfrf.Record(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
-    with pytest.raises(ValueError, match=r"u must hold experiments that tell the inputs apart, got a condition of"):
+    with pytest.raises(ValueError, match=r"u must hold experiments that separate the inputs, got a condition of"):
         nlfrf.identify(same)
     near, answer = record.u.copy(), record.y.copy()
     for signal in (near, answer):
         signal[:, 1] = signal[:, 0] + 0.05 * signal[:, 1]
-    with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly: condition"):
+    with pytest.warns(nlfrf.DataWarning, match="the experiments separate the inputs badly: condition"):
         nlfrf.identify(nlfrf.Record(u=near, y=answer, fs=512, lines=ms.lines))
     silent = nlfrf.signals.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
     with pytest.raises(
@@ -421,6 +421,6 @@ def test_an_output_among_others_has_what_it_has_alone(kind, n_realizations, n_pe
 
 def test_a_second_opinion_is_of_one_input_and_one_output():
     with pytest.raises(
-        ValueError, match="record must be of one input and one output, got 2 and 2: of several identify"
+        ValueError, match="record must have one input and one output, got 2 and 2: for several channels identify"
     ):
         nlfrf.second_opinion(linear(nlfrf.multisine(**BAND, n_inputs=2, rng=2), G=G0[:, :2]))

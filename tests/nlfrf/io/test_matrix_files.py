@@ -56,7 +56,7 @@ def test_files_that_are_not_whole_are_refused(frm, tmp_path):
     assert "without 'cov.gamma'" in refusal(**{"cov.gamma": None})
     assert "G must be numbers of shape (3, 2, 26)" in refusal(G=whole["G"][:, :, 1:])
     assert "G must be numbers" in refusal(G=whole["G"].astype(str))
-    assert "levels must be one an output, 3 of them, got 2" in refusal(**{"levels.2.f_excited": None})
+    assert "levels must be one per output, 3 of them, got 2" in refusal(**{"levels.2.f_excited": None})
     assert "without 'levels.1.odd'" in refusal(**{"levels.1.odd": None})
     assert "got 3 in" in refusal(version=np.array(3))
     for bad in ("x, y", json.dumps({"x": 1}), json.dumps([1, 2]), "[" * 100_000):
