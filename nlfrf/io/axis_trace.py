@@ -1,7 +1,7 @@
-"""The trace of a drive that played an experiment, read into records: cut, base motion taken off, its faults named.
+"""The trace of a drive that played an experiment, read into records: cut, base motion removed, faults named.
 
-What was played is known to the last sample. So every record has its reference, and what a trace holds is compared
-with what the design expects of it.
+The played signal is known to the last sample. So every record has its reference, and a trace is compared with the
+expectation of its design.
 """
 
 from __future__ import annotations
@@ -25,35 +25,33 @@ from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.axis_experiment import AxisExperiment
 
-#: Units that no force has: a channel that carries one is a position, a velocity or an acceleration.
+#: Units of positions, velocities and accelerations, which no force has.
 _MOTION_UNITS = (
     *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
-_SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
-_OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
-_MIN_LIKENESS = (
-    0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
-)
-_PERIODIC = 0.01  # share of the power of u that stands on the excited lines at least, encoder noise and all
-_UNIT_FACTOR = 5.0  # against the design on the upper lines: N for A, m for mm, Nm for kgf m; not a stuck axis
-_FACTOR = 2.0  # largest between force reached and designed, and between periods, that is not warned of
-_START = 0.1  # of a period by which phases may look late: sticking friction that the design does not know does that
-_AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
-_TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
-_UPPER_SHARE = 1 / 3  # of the lines that count as upper
-_SIMILAR = 1.5  # largest ratio of the factors of force and position that counts as one, as another drive makes it
+_SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the played one: rounding
+_OTHER_SIGNAL = 1e-4  # least expected share by which the wanted signal differs from the set point
+_MIN_LIKENESS = 0.3  # |mean exp(j phase steps)| of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
+_PERIODIC = 0.01  # least share of the power of u on the excited lines, encoder noise included
+_UNIT_FACTOR = 5.0  # least factor of a wrong unit, on the upper lines: N for A, m for mm; a stuck axis has less
+_FACTOR = 2.0  # largest ratio of reached to designed force, and between periods, without a warning
+_START = 0.1  # share of a period by which unmodelled sticking friction may make phases look late
+_AGREE = 0.7  # |mean| of unit phasors above which lines agree on a phase; 15 random ones exceed it in 0.06 % of cases
+_TURNED = 135.0  # [deg] phase against the design above which a signal has the other sign
+_UPPER_SHARE = 1 / 3  # share of the lines that count as upper
+_SIMILAR = 1.5  # largest ratio of the factors of force and position for a common cause, another drive
 _LITTLE = 0.1  # share of the base motion below which an axis was at rest
-_OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
-_TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
+_OFF_VELOCITY = 0.1  # relative error of the measured base velocity against the played one
+_TURNED_BACK = 1e-3  # share of samples in which an axis in motion may turn back without a warning
 
 
 class LevelWarning(DataWarning):
-    """At rest the force is far from the designed one, as friction makes it: no fault of the trace.
+    """Warning that at rest the force is far from the designed one, because of friction: no fault of the trace.
 
     References
     ----------
-    docs/guide/axis.md: the force on each line where friction sticks, over that asked for.
+    docs/guide/axis.md: the force on each line with sticking friction, over the wanted one.
 
     Examples
     --------
@@ -72,39 +70,39 @@ def load_trace(
     fs: float | None = None,
     start: float = 0.0,
 ) -> tuple[Record, ...]:
-    """Read what a drive traced while it played an experiment, as records for `identify`.
+    """Read the trace of a drive that played an experiment, as records for `identify`.
 
-    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base motion and what is
-    left of its trend are taken off the position. Periods in which the axis starts, turns back, or changes its level are
-    left out. The reference is what was played.
+    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base motion and the
+    remaining trend are subtracted from the position. Periods in which the axis starts, turns back, or changes its level
+    are left out. The reference is the played signal.
 
     Parameters
     ----------
     path : path, or a list of them
-        The trace, in any format of `load_record`; a list has one file a realisation, in any order.
+        The trace, in any format of `load_record`; a list has one file per realisation, in any order.
     experiment : AxisExperiment or path
-        What was played, or the ``.npz`` that `nlfrf.save` wrote with the file to play.
+        Experiment that was played, or the ``.npz`` that `nlfrf.save` wrote with the file to play.
     u : str
         Name of the force, torque or current set point behind the loops.
     y : str
         Name of the actual position.
     fs : float, optional
-        Sampling frequency of the trace [Hz]; from the file when not given.
+        Sampling frequency of the trace [Hz]; by default from the file.
     start : float
-        Time from the first sample of the trace to the first sample that was played [s].
+        Time from the first sample of the trace to the first played sample [s].
 
     Returns
     -------
     tuple of Record
-        In the order of `experiment.labels`: one at rest; one or two in motion; one a level of a ramp, as far as the
-        trace goes.
+        In the order of `experiment.labels`: one at rest; one or two in motion; one per level of a ramp, as far as the
+        trace reaches.
 
     Raises
     ------
     ValueError
-        A trace that does not answer what was played (another file, another period or clock); a set point in place of
-        the force or the position; a base motion at another velocity, or of one of design and trace only; a trace that
-        is too short or too slow.
+        A trace that does not respond to the played signal (another file, another period or clock); a set point in place
+        of the force or the position; a base motion at another velocity, or only in the design or only in the trace; a
+        trace that is too short or too slow.
     FileNotFoundError
         No such file.
 
@@ -112,7 +110,7 @@ def load_trace(
     -----
     DataWarning
         A force at its limit; an output of the wrong sign; force or position of another size than the design expects; a
-        slower clock than that of the drive; an axis that turns back in motion.
+        clock slower than that of the drive; an axis in motion that turns back.
 
     References
     ----------
@@ -141,12 +139,12 @@ def load_trace(
     start = require_real("start", start)
     runs = [_read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]
     if len(runs) != experiment.ms.n_realizations:
-        raise ValueError(f"path must be one trace a realisation, {experiment.ms.n_realizations}, got {len(runs)}")
+        raise ValueError(f"path must be one trace per realisation, {experiment.ms.n_realizations}, got {len(runs)}")
     return _records_of_runs(runs, experiment, start)
 
 
 def _records_of_runs(runs: list[_Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
-    """Return the records of traces, after a look at what they hold."""
+    """Return the records of traces, after checks of their contents."""
     fs = runs[0].fs
     N = design_period(experiment.ms, fs)
     _require_fast_trace(experiment, fs, N)
@@ -176,7 +174,7 @@ def _join_periods(
     experiment: AxisExperiment,
     run: _Run,
 ) -> list[Record]:
-    """Return a record a label, its realisations in their order; a level of a ramp that does not move has none."""
+    """Return one record per label, with its realisations in order; a level of a ramp without motion has none."""
     hold = "zoh" if experiment.ms.n_samples == drawn.shape[1] else "unknown"
     records = []
     for label in labels:
@@ -184,7 +182,7 @@ def _join_periods(
         P = min(len(one.u) for one in parts)
         u, y = (np.stack([getattr(one, name)[:P] for one in parts]) for name in ("u", "y"))
         if experiment.is_ramp and np.ptp(y) == 0:
-            continue  # below the step of the encoder
+            continue  # motion below the step of the encoder
         r = np.repeat(experiment.gains[experiment.groups[label][0]] * drawn[:, None], P, axis=1)
         records.append(Record(u=u, y=y, r=r, fs=run.fs, lines=experiment.ms.lines, hold=hold, **run.labels))
     return records
@@ -193,7 +191,7 @@ def _join_periods(
 def _examine_records(
     records: list[Record], labels: list[str], experiment: AxisExperiment, off: dict[str, float]
 ) -> None:
-    """Refuse or warn of what makes records others than their design, in its units; off: of the base velocity."""
+    """Refuse or warn of differences between records and their design, in its units; off: of the base velocity."""
     alone = experiment.is_ramp  # its levels differ by design
     for label, record in () if alone else zip(labels, records, strict=True):
         _require_even_periods(record)
@@ -204,23 +202,23 @@ def _examine_records(
 
 
 def _unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:
-    """Return how many units of a design one unit is, and one if there is none; nan where it cannot be converted.
+    """Return how many units of a design one unit is; one without a unit, nan if it cannot be converted.
 
-    known : base unit and factor of the units there are. constant : the force that one A makes.
+    known : base unit and factor of each known unit. constant : force per A.
     """
     (base, size), (own, own_size) = (known.get(one, (one, 1.0)) for one in (unit or designed, designed))
     return (1.0 if base == own else constant if base == "A" else np.nan) * size / own_size
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
-    """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is.
+    """Return a record in the units of its design; a signal whose unit cannot be converted is unchanged.
 
     Parameters
     ----------
     record : Record
         A record of `load_trace`, in the units of its trace.
     experiment : AxisExperiment
-        What was played. With its force constant a current becomes a force.
+        Experiment that was played. Its force constant converts a current into a force.
 
     Returns
     -------
@@ -258,7 +256,7 @@ class _Run(NamedTuple):
 
 
 class _Periods(NamedTuple):
-    """Kept periods (P, N) of force set point and position, and by how much the base velocity is off, relative."""
+    """Kept periods (P, N) of force set point and position, and the relative error of the base velocity."""
 
     u: np.ndarray
     y: np.ndarray
@@ -289,13 +287,13 @@ def _require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
         raise ValueError(f"fs must be above {2 * ms.f[-1]:g} Hz for lines up to {ms.f[-1]:g} Hz, got {fs:g} Hz")
     if ms.n_samples > N:
         data_warning(
-            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope filtered it, what lies "
-            f"above {fs / 2:g} Hz is folded into G. Trace every sample of the drive"
+            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope filtered it, "
+            f"frequencies above {fs / 2:g} Hz are folded into G. Trace every sample of the drive"
         )
 
 
 def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> dict[str, _Periods]:
-    """The kept periods of each group that the trace reaches, the base motion and the rest of its trend taken off."""
+    """Return the kept periods of each group that the trace reaches, without base motion and remaining trend."""
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
@@ -327,7 +325,7 @@ def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> 
 def _require_same_motion(run: _Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float) -> None:
     """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in motion.
 
-    At rest the position repeats itself. In motion it moves on by more than it swings, as the multisine is slower.
+    At rest the position repeats. In motion it moves on by more than its swing, because the multisine is slower.
     """
     unit = run.labels["y_unit"] or experiment.position_unit
     velocity = float(np.abs(experiment.velocities).max())
@@ -344,16 +342,16 @@ def _require_same_motion(run: _Run, experiment: AxisExperiment, *, base: np.ndar
         same = moved <= max(np.median(swing), travel)
     if not same:
         raise ValueError(
-            f"experiment must be at rest or in motion as its trace is, got a base velocity of {velocity:g} "
+            f"experiment must be at rest or in motion like its trace, got a base velocity of {velocity:g} "
             f"{experiment.position_unit}/s and a position that moves by {moved:.3g} {unit} {size}: was another design "
             "played, or is y in another unit?"
         )
 
 
 def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
-    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike.
+    """Return the smoothness of U over R from line to line, 0 to 1; a delay has equal steps over equal distances.
 
-    One line is smooth in itself.
+    A single line counts as smooth.
     """
     if lines.size < 2:
         return 1.0
@@ -366,7 +364,7 @@ def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
 
 
 def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndarray) -> list[int]:
-    """Which trace answers each realisation; refused where one has none."""
+    """Return the trace that responds to each realisation; refuse a realisation without one."""
     U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
     found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
     total = np.array([np.mean((one.u - one.u.mean(axis=1, keepdims=True)) ** 2) for one in parts])
@@ -375,23 +373,23 @@ def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndar
     for m, likely in enumerate(found.max(axis=1)):
         if not likely > _MIN_LIKENESS or len(set(order)) < len(order):
             raise ValueError(
-                f"path must be the trace of what was played, got a force that follows realisation {m + 1} to "
+                f"path must be the trace of the played signal, got a force that follows realisation {m + 1} to "
                 f"{100 * likely:.0f} % (100: smoothly over all lines): is it this file, its clock, its start?"
             )
     return order
 
 
 def _same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> float:
-    """Share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
+    """Return the share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
     delays = np.exp(-2j * np.pi * np.outer(np.arange(-4, 5), lines) / N)
     gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(squared_modulus(R))
     return float(1 - gain / np.sum(squared_modulus(A)))
 
 
 def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
-    """Return whether force and position are as the design expects, but for friction.
+    """Return whether force and position are as the design expects, apart from friction.
 
-    Refuses set points in place of what was measured; warns of a limit, a wrong sign, another size than expected.
+    Refuses set points in place of measured signals; warns of a limit, a wrong sign, another size than expected.
     """
     lines, N = record.lines.excited, record.n_samples
     U, Y, R = (rfft_at(one.mean(axis=1), lines) for one in (record.u, record.y, record.r))
@@ -412,8 +410,8 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     turns = {name: float(np.degrees(np.angle(one))) * (abs(one) > _AGREE) for name, one in means.items()}
     if all(abs(turn) > _TURNED for turn in turns.values()):
         raise ValueError(
-            "path must begin with what was played, or start say when it begins, got u and y with the other sign, as of "
-            "half a period"
+            "path must begin with the played signal, or start must give its begin, got u and y with the other sign, as "
+            "after half a period"
         )
     units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
     gains = {name: float(np.median(np.abs(one))) for name, one in ratios.items()}
@@ -423,12 +421,12 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     for name, turn in turns.items():
         gain, (designed, traced) = gains[name], units[name]
         if abs(turn) > _TURNED:
-            data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
+            data_warning(f"{name} has the opposite sign of the design: change it, because G would have a negative mass")
         elif abs(turn) > 180 - _TURNED or (traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR):
-            first = f"is it {other}, as u and y are off by one factor" if similar else f"is it another signal, {other}"
+            first = f"is it {other}, as u and y differ by one factor" if similar else f"is it another signal, {other}"
             data_warning(
-                f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
-                f"where friction hardly counts: {first}, in another unit than {designed}, or the machine another one?"
+                f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on the upper lines, where "
+                f"friction hardly counts: {first}, in another unit than {designed}, or is the machine another one?"
             )
         else:
             continue
@@ -437,38 +435,38 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
 
 
 def _require_even_periods(record: Record) -> None:
-    """Refuse periods of very different size: of them some are none of those that were to be kept."""
+    """Refuse periods of very different size: some of them do not belong to the kept ones."""
     size = np.sum(squared_modulus(rfft_at(record.u, record.lines.excited)), axis=2).min(axis=0)
     if size.min() * _FACTOR**2 < size.max():
         first, last = np.sqrt(2 * size[[size.argmin(), size.argmax()]]) / record.n_samples
         raise ValueError(
-            f"path must begin with what was played, or start say when it begins, got a force of {first:.2g} to "
+            f"path must begin with the played signal, or start must give its begin, got a force of {first:.2g} to "
             f"{last:.2g} {record.u_unit} rms from period to period"
         )
 
 
 def _require_start(ratio: np.ndarray, record: Record) -> None:
-    """Refuse a force whose phases, against the design (M, F), are those of a trace that begins somewhere else."""
+    """Refuse a force whose phases, against the design (M, F), show that the trace begins elsewhere."""
     N = record.n_samples
     spectrum = np.zeros(N // 2 + 1, dtype=complex)
     spectrum[record.lines.excited] = np.mean(ratio / np.abs(ratio), axis=0)
     agreement = (
         np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
-    )  # 1: all lines agree on that delay
+    )  # 1: all lines agree on this delay
     late, near, half = int(np.argmax(agreement)), max(int(_START * N), 1), N // 2
-    late = (late + half // 2) % half - half // 2  # over half a period odd lines repeat with the other sign
+    late = (late + half // 2) % half - half // 2  # after half a period odd lines repeat with the other sign
     if (
         agreement[late] > _AGREE
         and max(agreement[: near + 1].max(), agreement[-near:].max()) < _AGREE * agreement[late]
     ):
         raise ValueError(
-            "path must begin with what was played, or start say when it begins, got a force that is "
-            f"{late / record.fs:.3g} s late, give or take half periods"
+            "path must begin with the played signal, or start must give its begin, got a force that is "
+            f"{late / record.fs:.3g} s late, up to half periods"
         )
 
 
 def _warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
-    """Warn of a force far from the designed one: the loop is not the one that the design took."""
+    """Warn of a force far from the designed one: the loop is not the one of the design."""
     if record.u_unit not in ("", experiment.force_unit):
         return
     U = rfft_at(record.u.mean(axis=1), record.lines.excited) * 2 / record.n_samples
@@ -483,7 +481,7 @@ def _warn_of_other_level(experiment: AxisExperiment, label: str, record: Record)
 
 
 def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, off: float) -> None:
-    """Refuse a base motion at another velocity, and warn of an axis that turns back in it."""
+    """Refuse a base motion at another velocity; warn of an axis that turns back."""
     velocity = float(experiment.velocities[experiment.groups[label][0]])
     if not velocity:
         return
@@ -491,7 +489,7 @@ def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, o
     if abs(off) > _OFF_VELOCITY:
         cure = f"is y the actual position in {experiment.position_unit}, and start right?"
         raise ValueError(
-            f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as the file does, got {moved}: "
+            f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as in the file, got {moved}: "
             + ("turn its sign" if abs(off + 2) < _OFF_VELOCITY else cure)
         )
     lines, N = record.lines.excited, record.n_samples

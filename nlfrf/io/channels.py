@@ -1,4 +1,4 @@
-"""Named channels of measurement files: which reader reads which file, and what it found."""
+"""Named channels of measurement files: the reader for each kind of file, and the channels it finds."""
 
 from __future__ import annotations
 
@@ -37,36 +37,36 @@ from nlfrf.io.readers.layout import make_unique
 from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
-_SLOW, _UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
-_DRIVE_RATE = 20.0  # Hz: a variable without a unit that is no faster may well be in milliseconds, that of a drive
-#: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
+_SLOW, _UNLIKELY = 100.0, 2.0  # [Hz] a clock without a unit below these may not be, or hardly is, in seconds
+_DRIVE_RATE = 20.0  # [Hz] up to here a variable without a unit may be in milliseconds, as in drives
+#: Possible units of a step without a unit, and the factor on its frequency in seconds.
 _UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
-_MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
-_SECONDS_PER_DAY = 86400.0  # seconds
-_DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
-_MAX_RATE = 1e6  # a clock that is more likely in days there [Hz]
-_MAX_COLUMNS = 64  # columns that a matrix of signals may have
+_MAX_TIME_DIFFERENCE = 1e-3  # largest relative difference between a given sampling frequency and that of the file
+_SECONDS_PER_DAY = 86400.0  # [s]
+_DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # the present, in days of spreadsheets and of MATLAB
+_MAX_RATE = 1e6  # [Hz] above this a clock in this range is more likely in days
+_MAX_COLUMNS = 64  # most columns of a matrix of signals
 _OTHER_WAY = "arrays of any origin go to record_from_samples(u, y, fs=...)"
 
 
 @value
 class Channels:
-    """What a file holds: arrays by name.
+    """Contents of a file: arrays by name.
 
     Fields
     ------
     path : str
-        Where they come from.
+        Path of the file.
     arrays : dict of str to ndarray
-        Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
-        start of a channel [s] as ``channel.start``. Readers give it in the unit that `units` state of it, and by
-        ``channel.moment`` [s] when it began to count.
+        Numeric arrays and texts. Members of structs are ``struct.member``, columns of matrices ``matrix.2``. The start
+        of a channel [s] is ``channel.start``: readers give it in the unit that `units` states, and by
+        ``channel.moment`` [s] the moment at which it began to count.
     units : dict of str to str
-        Units that the file says apart from the names.
+        Units that the file states apart from the names.
     clocks : dict of str to float or str
-        Sampling frequency [Hz] or name of the time channel that the file says of a channel, of all by "".
+        Sampling frequency [Hz] or name of the time channel, as the file states it for a channel, or for all by "".
     notes : dict of str to str
-        Why something in the file is no signal.
+        Reasons why an entry of the file is no signal.
     """
 
     path: str
@@ -76,7 +76,7 @@ class Channels:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def full_name(self, name: str) -> str:
-        """The name of a channel as the file has it: "input" finds "input (V)" and "run.input", where one is meant."""
+        """Return the full name of a channel: "input" finds "input (V)" and "run.input", if it is unique."""
         if (name := one_line(name)) in self.arrays:
             return name
         for short in (
@@ -90,17 +90,17 @@ class Channels:
 
     @property
     def signals(self) -> list[str]:
-        """Names of what may be a stream of samples, in the order of the file."""
+        """Names of possible streams of samples, in the order of the file."""
         return [name for name, array in self.arrays.items() if array.dtype.kind in "fiub" and array.size > 1]
 
     def signal(self, parameter: str, name: str) -> np.ndarray:
-        """One stream of samples; a refusal lists the names there are."""
+        """Return one stream of samples; a refusal lists the available names."""
         full, file = self.full_name(name), Path(self.path).name
         array = self.arrays.get(full)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             raise ValueError(f"{parameter} must name a signal of {file!r}, {self.describe_signals(name)}")
         if array.ndim > 1 and self.text("schema"):
-            return _to_stream(array)  # this package's own file: whoever asks knows the axes
+            return _to_stream(array)  # a file of this package: the caller knows the axes
         array = np.squeeze(array)
         if array.ndim != 1:
             inside = [known for known in self.signals if known.startswith(f"{full}.")]
@@ -114,20 +114,20 @@ class Channels:
             known for known in self.signals if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
         ]:
             data_warning(
-                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, as channels of one name are told "
-                f"apart: {parameter} is {full!r}, the first of them"
+                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, numbered because their names are "
+                f"equal: {parameter} is {full!r}, the first of them"
             )
         return _to_stream(array)
 
     def describe_signals(self, name: str) -> str:
-        """Return the signals there are in place of one that is none, and why that, or the file, has none."""
+        """Describe the available signals for a name that is none, with the reasons."""
         listed = ", ".join(sorted(self.signals)) or "none"
         named = [name] if name in self.notes else [] if self.full_name(name) in self.arrays else list(self.notes)[:3]
         noted = [f"{one!r} {self.notes[one]}" for one in named]
         return "; ".join([f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [_OTHER_WAY])])
 
     def labels(self, u: str, y: str) -> SignalLabels:
-        """Names of input and output without their units, and the units that the file has in brackets or beside them."""
+        """Return the names of input and output without units, and their units, in brackets or stated elsewhere."""
         full_u, full_y = self.full_name(u), self.full_name(y)
         return {
             "u_name": "" if full_u == "u" else self.bare_name(full_u),
@@ -137,13 +137,13 @@ class Channels:
         }
 
     def unit(self, full: str) -> str:
-        """Return the unit of a channel that the file states, else that in its full name, empty where there is none."""
+        """Return the unit of a channel that the file states, else that in its full name; empty if there is none."""
         return self.units.get(full) or unit_in_name(full) or self.stated_unit(full)
 
     def stated_unit(self, full: str) -> str:
-        """Return the unit that the file states apart from a name: of the channel, or in a variable beside it.
+        """Return the unit that the file states apart from a name: for the channel, or in another variable.
 
-        Such variables are `fs_unit` of `fs`, and `TimeUnit` or `FrequencyUnit` in the same struct.
+        Such variables are `fs_unit` for `fs`, and `TimeUnit` or `FrequencyUnit` in the same struct.
         """
         if full in self.units:
             return self.units[full]
@@ -163,7 +163,7 @@ class Channels:
         return UNIT_SUFFIX.sub("", full) if unit_in_name(full) == self.unit(full) else full
 
     def text(self, name: str) -> str:
-        """Return a text, empty where there is none of that name."""
+        """Return the text of this name, empty if there is none."""
         array = self.arrays.get(name)
         if array is None or array.dtype.kind not in "US" or array.size != 1:
             return ""
@@ -171,16 +171,16 @@ class Channels:
         return one_line(item.decode(errors="replace") if isinstance(item, bytes) else str(item))
 
     def sampling_frequency(self, given: float | None = None, names: tuple[str, ...] = ()) -> float:
-        """Return the sampling frequency [Hz]: given, or of these channels, of the file, or of its time channel.
+        """Return the sampling frequency [Hz]: the given one, or that of these channels, the file, or its time channel.
 
-        What was given is held against what the file says.
+        A given one is compared with that of the file.
         """
         file = Path(self.path).name
         clocks = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
         clock = self.common_clock(clocks)
         if given is None and not clock.fs > 0:
             units = [f": it counts in {unit!r}" for name in clocks if (unit := self.units.get(f"{name}.start"))]
-            why = clock.why or f"{file!r} holds neither fs nor a time channel{(units or [''])[0]}"
+            why = clock.why or f"{file!r} has neither fs nor a time channel{(units or [''])[0]}"
             raise ValueError(f"fs must be given: {why}")
         if given is None and clock.doubt:
             data_warning(clock.doubt)
@@ -190,13 +190,12 @@ class Channels:
             require_same_moments(file, axes, fs)
         if clock.fs > 0 and not clock.doubt and abs(fs / clock.fs - 1) > _MAX_TIME_DIFFERENCE:
             data_warning(
-                f"fs was given as {fs:g} Hz, but by {clock.where} of {file!r} it is {clock.fs:g} Hz; the one given is "
-                "used"
+                f"fs was given as {fs:g} Hz, but {clock.where} of {file!r} gives {clock.fs:g} Hz; the given one is used"
             )
         return fs
 
     def common_clock(self, clocks: Mapping[str, float | str | None]) -> _Clock:
-        """Return the clock of channels by what is stated of each, else beside them; refuse channels that differ."""
+        """Return the clock of channels, as stated for each, else found near them; refuse channels that differ."""
         stated = [*clocks.items()] or [("", self.clocks.get(""))]
         found = {name: self.stated_clock(name, clock) for name, clock in stated if clock is not None}
         found = found or {"": self.neighbouring_clock(tuple(clocks))}
@@ -210,16 +209,16 @@ class Channels:
         return next((clock for clock in found.values() if clock.why), next(iter(found.values())))
 
     def stated_clock(self, name: str, stated: float | str) -> _Clock:
-        """Return the clock that the file states of a channel, of all by "": a frequency, or a time channel."""
+        """Return the clock that the file states for a channel, or for all by "": a frequency, or a time channel."""
         if isinstance(stated, str):
             return self.clock_of_time(stated)
-        where = f"what it says of {name!r}" if name else "its own word"
+        where = f"the rate stated for {name!r}" if name else "the stated rate"
         if 0 < stated <= _SLOW and self.units.get(f"{name}.start") == "":
             return _doubtful_clock(stated, where, f"the sampling time of {name!r} names no unit and is", _DRIVE_RATE)
         return _Clock(float(stated), where)
 
     def neighbouring_clock(self, names: tuple[str, ...]) -> _Clock:
-        """Return what a variable says of the clock of these channels, else a time channel; the two have to agree."""
+        """Return the clock of channels from a variable, else from a time channel; the two have to agree."""
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
         time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
@@ -232,12 +231,12 @@ class Channels:
         best, time_fs = variables[0], 0.0 if by_time.doubt else by_time.fs
         for one in variables:
             if one.rank == best.rank and one.fs > best.fs * (1 + _MAX_TIME_DIFFERENCE):
-                return _Clock(why=f"{file!r} says {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
+                return _Clock(why=f"{file!r} has {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
         if best.is_doubtful and _agrees_in_some_unit(best.fs, time_fs):
             return by_time
         if time_fs > 0 and abs(best.fs / time_fs - 1) > _MAX_TIME_DIFFERENCE:
             by_both = f"{best.fs:g} Hz by {best.name!r} of {file!r} and {time_fs:g} Hz by {by_time.where}"
-            return _Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is not the one")
+            return _Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is wrong")
         if best.is_doubtful:
             return _doubtful_clock(
                 best.fs, best.name, f"the sampling time {best.name!r} names no unit and is", _DRIVE_RATE
@@ -245,30 +244,30 @@ class Channels:
         return _Clock(best.fs, best.name)
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
-        """Return the time of each sample of a channel, or its start [s]; None where it has neither."""
+        """Return the time of each sample of a channel, or its start [s]; None if it has neither."""
         stated = self.clocks.get(name)
         return float(self.arrays.get(f"{name}.start", 0.0)) if isinstance(stated, float) else self.seconds(name)
 
     def seconds(self, name: str) -> np.ndarray | None:
-        """Return the time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
+        """Return the time of each sample of a channel [s], None without a time channel of known unit."""
         time = self.time_of(self.full_name(name))
         second = self.second_of(time) if time else None
         return None if second is None else second * np.ravel(self.arrays[time]).astype(float, copy=False)
 
     def time_of(self, full: str) -> str:
-        """Return the time channel of a channel, as stated or beside it; empty where it has none, or another clock."""
+        """Return the time channel of a channel, stated or near it; empty if it has none, or another clock."""
         stated = self.clocks.get(full, self.clocks.get("", self.nearest_time_channel(full)))
         return stated if isinstance(stated, str) else ""
 
     def nearest_time_channel(self, full: str) -> str:
-        """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
+        """Return a time channel as long as a channel, preferably in the same struct; empty if there is none."""
         n, home = self.arrays.get(full, np.zeros(0)).size, full.rpartition(".")[0]
         as_long = [time for time in self.times if self.arrays[time].size == n]
         return min(as_long, key=lambda time: time.rpartition(".")[0] != home, default="")
 
     @property
     def times(self) -> list[str]:
-        """Names of the time channels, those that a clock can be read from in front."""
+        """Names of the time channels, those with a valid clock first."""
         found = [name for name in self.signals if is_time_name(name) and _may_run(self.arrays[name])]
         if len(found) < 2:
             return found
@@ -278,17 +277,17 @@ class Channels:
 
     @property
     def time(self) -> str:
-        """Name of the first of them, empty where there is none."""
+        """Name of the first time channel, empty if there is none."""
         return next(iter(self.times), "")
 
     def second_of(self, time: str) -> float | None:
-        """Return the unit of a time channel [s], None where it is not known."""
+        """Return the unit of a time channel [s], None if unknown."""
         return seconds_per_unit(self.unit(time))
 
     def variable_clocks(self, channel: str) -> list[_ScalarClock]:
-        """Return what variables fs, Ts and the like say, the slowest in the struct of a channel in front.
+        """Return the clocks of variables fs, Ts and the like, those in the struct of a channel first, then the slowest.
 
-        One that is doubtful is left out where another says the same in some unit.
+        A doubtful one is left out if another one agrees with it in some unit.
         """
         found = list(self.scalar_clocks([channel.rpartition(".")[0], ""]))
         sure = [one for one in found if not one.is_doubtful]
@@ -297,7 +296,7 @@ class Channels:
         )
 
     def scalar_clocks(self, homes: list[str]) -> Iterator[_ScalarClock]:
-        """Yield every variable that states a sampling frequency or time; `homes` are the structs that count first."""
+        """Yield every variable with a sampling frequency or time; `homes` are the structs that rank first."""
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
             is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
@@ -313,7 +312,7 @@ class Channels:
                 yield _ScalarClock(rank, fs, is_step and not unit and fs <= _SLOW, name)
 
     def clock_of_time(self, time: str) -> _Clock:
-        """Return the clock by a time channel."""
+        """Return the clock of a time channel."""
         unit, second, where = self.unit(time), self.second_of(time), f"the time channel {time!r}"
         if second is None:
             return _Clock(why=f"the unit of {where} is not known")
@@ -330,7 +329,7 @@ class Channels:
 
 
 class _Clock(NamedTuple):
-    """A sampling frequency [Hz] and who says so; why it is not known, where it is 0; what is in doubt of it."""
+    """A sampling frequency [Hz] and its source; the reason if it is unknown (0); the reason for a doubt."""
 
     fs: float = 0.0
     where: str = ""
@@ -339,7 +338,7 @@ class _Clock(NamedTuple):
 
 
 class _ScalarClock(NamedTuple):
-    """A sampling frequency [Hz] by a variable; how far from the channel it is, and whether its unit is in doubt."""
+    """A sampling frequency [Hz] from a variable; rank of its place; True if its unit is in doubt; its name."""
 
     rank: int
     fs: float
@@ -348,12 +347,12 @@ class _ScalarClock(NamedTuple):
 
 
 def _agrees_in_some_unit(fs: float, known: float) -> bool:
-    """Return whether a step without a unit is that of a known sampling frequency; `fs` is that of seconds."""
+    """Return whether a step without a unit agrees with a known sampling frequency; `fs` is for seconds."""
     return any(abs(factor * fs - known) <= _MAX_TIME_DIFFERENCE * known for factor in _UNSTATED_UNITS.values())
 
 
 def _doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> _Clock:
-    """Return the clock by a step without a unit, in doubt, or not known where it is no faster than is unlikely.
+    """Return the clock for a step without a unit: in doubt, or unknown if it is no faster than `unlikely`.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
@@ -364,12 +363,12 @@ def _doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> _Clock
 
 
 def _may_run(array: np.ndarray) -> bool:
-    """Return whether a stream can be a time axis; a parameter that a logger repeats in every row cannot."""
+    """Return whether a stream can be a time axis; a parameter repeated in every row cannot."""
     return array.dtype.kind in "fiu" and array.size > 1 and _constant_of(array) is None
 
 
 def _constant_of(array: np.ndarray) -> float | None:
-    """Return the number that a single value is, or a stream that repeats it; None of anything else."""
+    """Return the number of a single value, or of a constant stream; None for anything else."""
     if array.dtype.kind not in "fiu" or not array.size:
         return None
     first = array.reshape(-1)[0]
@@ -377,7 +376,7 @@ def _constant_of(array: np.ndarray) -> float | None:
 
 
 def _backward_steps(t: np.ndarray) -> str:
-    """Return where a time channel does not run forward."""
+    """Describe the place where a time channel does not run forward."""
     steps = np.diff(t.astype(float))
     if not np.any(steps < 0):
         return "does not run forward"
@@ -386,14 +385,14 @@ def _backward_steps(t: np.ndarray) -> str:
 
 
 def _to_stream(array: np.ndarray) -> np.ndarray:
-    """Return an array as contiguous float64 that is read-only, itself where it is such already."""
+    """Return an array as contiguous float64 and read-only, without a copy if it is already."""
     stream = np.ascontiguousarray(array, dtype=float)
     stream.flags.writeable = False
     return stream
 
 
 class _Reader(NamedTuple):
-    """Who reads a kind of file, a module in a process of its own, and with which extra of this package."""
+    """Reader of a kind of file, a function or a module for its own process, and the extra that it needs."""
 
     contents: Callable[[Path], Contents] | ModuleType
     extra: str = ""
@@ -437,7 +436,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     Raises
     ------
     ValueError
-        An unknown suffix, a file that is damaged or is not what its suffix says, a package that is not installed.
+        An unknown suffix, a damaged file, a file of another kind than its suffix, a package that is not installed.
     FileNotFoundError
         No such file.
     """
@@ -450,7 +449,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     arrays, units, clocks, notes = _read_contents(path, suffix, _reader_of_suffix(path, suffix))
     arrays, units, clocks, notes = _clean_names(arrays, units, clocks=clocks, notes=notes)
     for name, array in arrays.items():
-        if array.dtype.kind in "Mm" and array.size > 1:  # moments of numpy and pandas are a clock by their type
+        if array.dtype.kind in "Mm" and array.size > 1:  # datetimes of numpy and pandas are a clock
             arrays[name] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s")
             units[name] = "s"
             clocks.setdefault("", name)
@@ -465,7 +464,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     numeric, clocks = _abscissas_in_seconds(numeric, units, clocks)
     if "schema" not in numeric:
         numeric, clocks = _split_columns(numeric, clocks)
-    for array in numeric.values():  # nobody else holds them, so they go into a record as they are
+    for array in numeric.values():  # no other reference exists, so they go into a record without a copy
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
@@ -473,7 +472,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
 
 
 def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
-    """Return who reads a file by its suffix; refuse a result of ours that is no measurement, and what nobody reads."""
+    """Return the reader for a suffix; refuse results of this project that are no measurement, and unknown suffixes."""
     if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
         raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
     if suffix not in READERS:
@@ -484,7 +483,7 @@ def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
 
 
 def _read_contents(path: Path, suffix: str, reader: _Reader) -> Contents:
-    """Return what the reader of a file finds in it; whatever ends it is one clear error."""
+    """Return the contents found by the reader of a file; turn any failure into one clear error."""
     try:
         reader = _reader_by_start(path, reader)
         if isinstance(reader.contents, ModuleType):
@@ -505,11 +504,11 @@ def _read_contents(path: Path, suffix: str, reader: _Reader) -> Contents:
 
 
 def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
-    """Return who reads a file with the reader of its suffix: of texts its first bytes may name another."""
+    """Return the reader of a file: for texts the first bytes may name another one than the suffix."""
     if reader is _TEXT_READER:
         with path.open("rb") as stream:
             start = stream.read(1024)
-        if start.startswith(b"MDF "):  # its older versions are called .dat
+        if start.startswith(b"MDF "):  # older versions have the suffix .dat
             return _MDF_READER
         if twincat.is_export(start):
             return TWINCAT
@@ -517,18 +516,18 @@ def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
 
 
 def extra_of_file(path: Path) -> str:
-    """Return the extra of this package that a file needs to be read; empty where it needs none, or is none of ours."""
+    """Return the extra of this package that a file needs; empty if it needs none, or is of an unknown kind."""
     reader = READERS.get(path.suffix.lower())
     try:
         if reader is None or not path.is_file() or (path.suffix.lower() == ".mat" and not matlab.is_version_73(path)):
             return ""
         return _reader_by_start(path, reader).extra
-    except OSError:  # of a file that may not be read at all
+    except OSError:  # an unreadable file
         return ""
 
 
 def _read_compressed(path: Path) -> Channels:
-    """Read a text table that gzip compressed, `run.csv.gz`, unpacked into a file that is gone afterwards."""
+    """Read a text table compressed by gzip, `run.csv.gz`, through a temporary file."""
     size, n = path.stat().st_size, 0
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / path.stem
@@ -554,13 +553,12 @@ def _clean_names(
 ) -> Contents:
     """Return channels with unique names, and names, units and notes of one line each without control characters.
 
-    Units that are empty are none, but those of a start: what it counts in is in doubt then.
+    Empty units are dropped, except that of a start: then its unit is in doubt.
     """
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
-    named = {"": ""} | dict(
-        zip(names, make_unique(list(map(one_line, names))), strict=True)
-    )  # of those alike after it, too
+    # names that are equal after the cleaning are numbered, too
+    named = {"": ""} | dict(zip(names, make_unique(list(map(one_line, names))), strict=True))
     return (
         {named[name]: array for name, array in arrays.items()},
         {named[name]: one_line(unit) for name, unit in units.items() if unit or name.endswith(".start")},
@@ -572,7 +570,7 @@ def _clean_names(
 def _abscissas_in_seconds(
     arrays: Mapping[str, np.ndarray], units: Mapping[str, str], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
-    """Return steps and starts of waveforms in seconds: units state that of ``name.start``; 0 Hz where it is unknown."""
+    """Return steps and starts of waveforms in seconds, by the unit of ``name.start``; 0 Hz if it is unknown."""
     scaled, rates = dict(arrays), dict(clocks)
     for name, clock in clocks.items():
         if not isinstance(clock, str):
@@ -587,7 +585,7 @@ def _abscissas_in_seconds(
 def _split_columns(
     arrays: Mapping[str, np.ndarray], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
-    """Add each column of a matrix as a channel of its own; where the first column rises evenly it is their time."""
+    """Add each column of a matrix as a channel of its own; a first column that rises evenly is their time."""
     more, clocks = dict(arrays), dict(clocks)
     for name, array in arrays.items():
         if array.ndim != 2 or array.dtype.kind not in "fiu":

@@ -28,7 +28,7 @@ from nlfrf.signals.multisine import Multisine
 
 _MULTISINE_SCHEMA = "nlfrf-multisine"
 _EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
-_PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
+_PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # these contain the played signal, and the design is a second file
 _EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
 DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
     _MULTISINE_SCHEMA: Multisine,
@@ -37,7 +37,7 @@ DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
 
 
 def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write a design with its samples, or what a generator plays and the design beside it."""
+    """Write a design with its samples, or the signal for a generator with the design as a second file."""
     path, companion = to_path(path), to_path(path).with_suffix(".npz")
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
@@ -83,7 +83,7 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str 
 def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
     """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play and its design as ``.npz``.
 
-    Of several realisations play.csv becomes play-1.csv, play-2.csv, ...
+    For several realisations play.csv becomes play-1.csv, play-2.csv, ...
     """
     path = to_path(path)
     suffix, companion = path.suffix.lower(), path.with_suffix(".npz")
@@ -103,7 +103,7 @@ def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *,
 
 @value
 class SetPoints:
-    """What a drive or a simulated axis plays: set points of its ports, as `nlfrf.save` writes an experiment to play.
+    """Set points of the ports of a drive or a simulated axis, as `nlfrf.save` writes an experiment to play.
 
     Fields
     ------
@@ -112,7 +112,7 @@ class SetPoints:
     played : dict of str to (n,) ndarray
         Set point of each port that the file has: "force", "velocity", "position".
     units : dict of str to str
-        Their units, "" where the file states none.
+        Their units, "" if the file states none.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
     Raises
     ------
     ValueError
-        A file that has none of these columns, or no even clock.
+        The file has none of these columns, or no even clock.
     FileNotFoundError
         No such file.
 
@@ -180,22 +180,22 @@ def _add_remark(path: Path, text: str) -> None:
 
 
 def _played_samples(u: np.ndarray) -> np.ndarray:
-    """Return (channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
+    """Return (channels, N) periods in playing order: all inputs of an experiment side by side."""
     return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 
 
 def _played_names(ms: Multisine) -> list[str]:
-    """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
+    """Return the names of these periods: u0, u1 for realisations; for several inputs input, then experiment."""
     if ms.is_single:
         return [f"u{m}" for m in range(ms.n_realizations)]
     return [f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
 
 
 def load_design(path: str | os.PathLike[str]) -> Multisine:
-    """Return the design that `save_multisine` wrote, of one input or of several."""
+    """Return the design that `save_multisine` wrote, for one input or for several."""
     design: Multisine | AxisExperiment = load_value(DESIGNS, path)
     if isinstance(design, AxisExperiment):
-        raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: take load_trace")
+        raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: use load_trace")
     return design
 
 

@@ -1,7 +1,7 @@
-"""Which channels of a file are input, output and reference: by the period that they share, their lines, their names.
+"""Input, output and reference among the channels of a file: found from their common period, lines and names.
 
-Names decide where they name an input. Where lines contradict them, or decide nothing between channels without such
-names, nobody is proposed.
+A name of an input decides. If the lines contradict the names, or decide nothing between channels without such names,
+no input is proposed.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ _OUTPUT_NAMES = re.compile(
 )
 _SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
 _SET_POINT = re.compile(rf"[ _.]*(?:{_SET_WORDS})$|(?<![a-z])(?:{_SET_WORDS})(?![a-z])[ _.]*", re.I)
-MAX_CANDIDATES = 12  # channels whose spectra are looked at
-WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
+MAX_CANDIDATES = 12  # channels whose spectra are computed
+WHOLE_TOLERANCE = 0.05  # [samples] largest distance of a period from a whole number
 
 
 class Direction(NamedTuple):
-    """What is proposed of the channels of a record: empty names where nobody is, and why in `doubt`.
+    """Proposed roles of the channels of a record; empty names if there is no proposal, with the reason in `doubt`.
 
-    The period [samples] is 0 where none is found, and all samples where the record is one; `lines` describes it.
+    The period [samples] is 0 if none is found, and all samples if the record is one period; `lines` describes it.
     """
 
     u: str = ""
@@ -53,19 +53,19 @@ class Direction(NamedTuple):
     doubt: str = ""
 
 
-#: What a channel is by its name, in the order in which it is taken for the input.
+#: Role of a channel by its name, in the order of preference for the input.
 Rank = IntEnum("Rank", "INPUT SET_POINT UNKNOWN OUTPUT")
 
 
 def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], float]) -> Direction:
-    """Return input and reference among streams (n,) that were sampled together, and the period that they share.
+    """Return input and reference among streams (n,) that were sampled together, and their common period.
 
     Parameters
     ----------
     streams : dict of str to (n,) ndarray
-        Channels that move.
+        Channels that vary.
     rate : callable
-        Sampling frequency [Hz] of a channel by its name; nan where it is not known.
+        Sampling frequency [Hz] of a channel by its name; nan if unknown.
     """
     likely = sorted(streams, key=_rank_by_name)[:MAX_CANDIDATES]
     x = {name: np.asarray(streams[name], dtype=float) for name in streams if name in likely}
@@ -89,9 +89,9 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
 
 
 def _find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
-    """Return the period [samples] of channels that were sampled together, 0 where none has one, and those that have it.
+    """Return the period [samples] of channels that were sampled together, 0 if there is none, and those that have it.
 
-    Where a channel that does not repeat has odd lines alone over its whole length, that is one period, whatever rings
+    If a channel does not repeat and has odd lines only over its whole length, this length is one period, whatever rings
     behind it. Else it is the period at which most channels repeat.
     """
     periods: dict[int, float] = {}
@@ -109,11 +109,11 @@ def _find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[
 
 
 def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
-    """Return the input among channels that repeat together, and why there is none: their names, then their lines."""
+    """Return the input among periodic channels, by names, then by lines, and the reason if there is none."""
     ranks = {name: _rank_by_name(name) for name in lines}
     first = min(ranks.values())
     if first is Rank.SET_POINT and list(ranks.values()).count(Rank.UNKNOWN) > 1 and Rank.OUTPUT not in ranks.values():
-        first = Rank.UNKNOWN  # a loop whose input is one of them
+        first = Rank.UNKNOWN  # a loop, with one of them as input
     names = [name for name in lines if ranks[name] is first]
     u = names[0]
     if len(names) > 1:
@@ -135,14 +135,14 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
 
 
 def _shows_played(one: SignalLines, other: SignalLines) -> bool:
-    """Return whether one signal was played and not another: it is clean between its lines, of one level, or exact."""
+    """Return whether one signal was played and not another: by clean detection lines, one level, or exactness."""
     if compare_detection_lines(other, one):
         return False
     return bool(compare_detection_lines(one, other) or compare_levels(one, other) or one.is_exact > other.is_exact)
 
 
 def _rank_by_name(name: str) -> Rank:
-    """Return what a channel is by its name.
+    """Return the role of a channel by its name.
 
     >>> [_rank_by_name(name).name for name in ("Kraft [N]", "speed_ref", "ch1", "measured current", "run.Lage (mm)")]
     ['INPUT', 'SET_POINT', 'UNKNOWN', 'UNKNOWN', 'OUTPUT']
@@ -155,14 +155,14 @@ def _rank_by_name(name: str) -> Rank:
 
 
 def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
-    """Return the first channel called like an output, else the first that is not called like an input or set point."""
+    """Return the first channel named like an output, else the first not named like an input or set point."""
     others = [name for name in candidates if name != u and candidates[name].size == candidates[u].size]
     ranked = sorted((name for name in others if not is_set_point(name)), key=_rank_by_name, reverse=True)
     return ranked[0] if ranked else ""
 
 
 def is_set_point(name: str) -> bool:
-    """Return whether a channel is called a set point, which a sampled drive or controller holds over each period.
+    """Return whether a channel is named a set point, which a sampled drive or controller holds over each period.
 
     >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
     [True, True, True, False]

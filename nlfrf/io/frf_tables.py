@@ -17,7 +17,7 @@ from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.readers.names import ROLES, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
 
-#: The parts of G in the order in which they count, and keys of `columns`, which are short for quantities.
+#: The parts of G in order of preference, and the keys of `columns`, which abbreviate quantities.
 _WHOLE = ("complex", "real", "magnitude")
 _PARTS = (("complex",), ("real", "imaginary"), ("magnitude", "phase"))
 _KEYS = {
@@ -31,21 +31,21 @@ _KEYS = {
     "coherence": "coherence",
 }
 _MIN_NEGATIVE = 0.1  # share of negative values above which a magnitude without a unit is in dB
-_SAME_FRF = 0.01  # relative difference of an FRF that a file holds in two forms
-_MAX_OUTLIERS = 0.02  # share of lines that may differ by more, and one line
-#: What a variance needs, and why.
+_SAME_FRF = 0.01  # largest relative difference of an FRF that a file contains in two forms
+_MAX_OUTLIERS = 0.02  # share of lines that may differ by more; one line always may
+#: Arguments that a variance needs, and the reason.
 _NEEDS = {
     "n_averages": "a coherence gives a variance only with the number of independent averages, which the file lacks",
-    "relative_std": "the file holds no coherence, and a swept sine shows no distortion, so nothing says how far G may "
-    "be off. Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012, 1 degree is 0.017), "
+    "relative_std": "the file has no coherence, and a swept sine shows no distortion, so the error of G is unknown. "
+    "Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012, 1 degree is 0.017), "
     "export the coherence, or measure with a multisine of nlfrf design, which shows the distortion",
 }
 
 
 class _FrfTable(NamedTuple):
-    """An FRF in a file: increasing frequencies [Hz], the names of the columns behind G, the unit of G.
+    """An FRF in a file: increasing frequencies [Hz], the names of the columns of G, the unit of G.
 
-    `left_out` are columns of the same length that it does not use; `refusal` says why its columns are not understood.
+    `left_out` are unused columns of the same length; `refusal` is the reason if the columns are not understood.
     """
 
     columns: tuple[str, ...]
@@ -70,6 +70,8 @@ def load_frf(
 ) -> Bla:
     """Read an FRF that a Bode plotter or an analyser measured, with the variance that makes it a `Bla`.
 
+    Use this for a Bode table; use `load_record` for time signals.
+
     Parameters
     ----------
     path : path
@@ -78,11 +80,11 @@ def load_frf(
     relative_std : float, optional
         Standard deviation of G over |G|, as a complex number: see `std` of `bla_from_frf`.
     n_averages : float, optional
-        Independent averages behind the coherence, or sweeps behind the standard deviation.
+        Number of independent averages of the coherence, or of sweeps of the standard deviation.
     channel : str
-        Which FRF, where the file has several: what the names of its columns share, as in "CH2".
+        The FRF to read if the file has several: the common part of the names of its columns, as in "CH2".
     columns : str
-        What the columns are, where their names do not say it: "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]". The keys
+        Meaning of the columns, if their names do not show it: "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]". The keys
         are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in front, a unit in brackets behind.
     hold, fs
         As in `bla_from_frf`.
@@ -90,18 +92,18 @@ def load_frf(
     Returns
     -------
     Bla
-        As of `bla_from_frf`. Lines at 0 Hz and lines without numbers are left out.
+        As from `bla_from_frf`. Lines at 0 Hz and lines without numbers are left out.
 
     Raises
     ------
     ValueError
-        A file without an FRF, several without `channel`, no variance; columns whose names or units are not known,
+        A file without an FRF; several FRFs without `channel`; no variance; columns whose names or units are unknown,
         that may be the same part twice, or that contradict each other.
 
     Warns
     -----
     DataWarning
-        A column whose unit is not stated, with the unit that was taken; columns that are left out.
+        A column without a unit, with the assumed unit; columns that are left out.
 
     References
     ----------
@@ -124,9 +126,9 @@ def load_frf(
     if not tables:
         raise ValueError(
             "path must hold an FRF, by name: frequencies that rise or fall throughout, with magnitude and phase or "
-            f"real and imaginary part, got {name!r} with {', '.join(file.arrays)}; call the columns as in "
+            f"real and imaginary part, got {name!r} with {', '.join(file.arrays)}; name the columns as in "
             "'f [Hz],gain [dB],phase [deg]', or give columns, as in 'f=col1 [Hz], mag=col2 [dB], "
-            "phase=col3 [deg]'; nlfrf inspect shows what a file holds"
+            "phase=col3 [deg]'; nlfrf inspect shows the contents of a file"
         )
     wanted = re.sub(r"\W", "", channel).lower()
     chosen = [one for one in tables if re.sub(r"\W", "", one).lower() == wanted or not channel]
@@ -141,7 +143,7 @@ def load_frf(
     if std is None and (table.coherence is None or n_averages is None):
         raise MissingArgumentError(missing, _NEEDS[missing])
     if table.left_out and len(tables) == 1:
-        data_warning(f"left out as no part of the FRF in {name!r}: {', '.join(map(repr, table.left_out))}")
+        data_warning(f"left out, because not part of the FRF in {name!r}: {', '.join(map(repr, table.left_out))}")
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,
@@ -157,7 +159,7 @@ def load_frf(
 
 
 class _Column(NamedTuple):
-    """A column of a file: its name, its numbers, and what the name says of them."""
+    """A column of a file: its name, its numbers, and its parsed name."""
 
     name: str
     x: np.ndarray
@@ -165,7 +167,7 @@ class _Column(NamedTuple):
 
 
 def _parse_columns(text: str, file: Channels) -> list[_Column]:
-    """Parse the option that says what the columns of a file are, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]"."""
+    """Parse the option for the columns of a file, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]"."""
     columns = []
     for item in re.split(rf",\s*(?=(?:{'|'.join(_KEYS)})\s*=)", text.strip()):
         key, _, rest = (one.strip() for one in item.partition("="))
@@ -195,14 +197,14 @@ def _parse_columns(text: str, file: Channels) -> list[_Column]:
 
 
 def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
-    """Find the FRFs in the channels of a file, each once, by what the names of their columns share."""
+    """Find the FRFs in the channels of a file, each once, by the common part of the names of their columns."""
     numeric = {
         name: np.ravel(array)
         for name, array in file.arrays.items()
         if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any()
     }
     if not columns and file.path.lower().endswith(".frd") and [*numeric] == ["col1", "col2", "col3"]:
-        columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as files of loudspeakers have them
+        columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as in files of loudspeakers
         data_warning(f"{Path(file.path).name!r} names no columns: they are taken for {columns!r}")
     found = (
         _parse_columns(columns, file)
@@ -217,7 +219,7 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
         if (table := _read_frf(found, label, Path(file.path).name)) is None:
             continue
         others = [one.G for one in tables.values() if one.G.shape == table.G.shape]
-        # an admittance is no other FRF than its impedance
+        # an admittance and its impedance are one FRF
         same = (np.all(np.abs(G - table.G) <= _SAME_FRF * np.abs(G)) for one in others for G in (one, 1 / one))
         if table.refusal or not any(same):
             tables[label] = table
@@ -225,7 +227,7 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
 
 
 def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
-    """Read an FRF by the names of its columns; None where a part is missing or no frequencies go with it."""
+    """Read an FRF by the names of its columns; None if a part or its frequencies are missing."""
     whole = [one for one in found if one.parsed.quantity in _WHOLE]
     of, size = next((one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label)
     is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
@@ -258,7 +260,7 @@ def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
         table, used = _assemble(axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file)
     except ValueError as error:
         example = ", ".join(map(_example_of, (axes[0], *forms[0])))
-        why = f"columns must say what those of {file!r} are: {error}; as in {example!r}"
+        why = f"columns must describe those of {file!r}: {error}; as in {example!r}"
         return _FrfTable(tuple(one.name for one in forms[0]), refusal=why)
     others = [one for one in found if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)]
     left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
@@ -273,7 +275,7 @@ def _assemble(
     coherences: list[_Column],
     file: str,
 ) -> tuple[_FrfTable, set[str]]:
-    """Return an FRF, and the names behind it or held against it; refuse what is not known, or contradicts it."""
+    """Return an FRF, and the names of its columns or of compared ones; refuse unknown or contradicting columns."""
     _require_known_words(axes[0], forms[0], file)
     in_matlab = axes[0].name.rpartition(".")[2] == "wout"
     axis, *first = [_with_unit(one, file, in_matlab=in_matlab) for one in (axes[0], *forms[0])]
@@ -292,7 +294,7 @@ def _assemble(
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
     known = [(one, x) for one in deviations if (x := _deviation_of(one, np.abs(G), own)) is not None]
-    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G deviates as much
+    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G has the same deviation
     coherences = [one for one in coherences[:1] if not one.parsed.unknown]
     used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[:: 1 if np.nanargmax(f) > np.nanargmin(f) else -1]
     table = _FrfTable(
@@ -315,20 +317,20 @@ def _is_monotone(x: np.ndarray) -> bool:
 
 
 def _is_unclear(column: _Column) -> bool:
-    """Return whether words of a column are not known, or its unit where it decides what the numbers are."""
+    """Return whether words of a column are unknown, or a unit without which its numbers have no meaning."""
     one = column.parsed
     return bool(one.unknown) or (one.unit is None and one.quantity in ("frequency", "magnitude", "phase"))
 
 
 def _example_of(column: _Column) -> str:
-    """Return how the option says what a column is."""
+    """Return a column in the syntax of the option."""
     key = next(key for key, quantity in _KEYS.items() if quantity == column.parsed.quantity)
     unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]") if _is_unclear(column) else ""
     return f"{key}={column.name}{unit}"
 
 
 def _require_known_words(axis: _Column, form: Sequence[_Column], file: str) -> None:
-    """Refuse words that are not known; those that all parts share are what was measured, which is said."""
+    """Refuse unknown words; words that all parts share name the measured quantity, and are warned of."""
     shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
     for one in (axis, *form):
         named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
@@ -338,11 +340,11 @@ def _require_known_words(axis: _Column, form: Sequence[_Column], file: str) -> N
             raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
     if shared and form[0].parsed.quantity != "complex":
         names = join_names([repr(one.name) for one in form])
-        data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken for what was measured")
+        data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken as the measured quantity")
 
 
 def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Column:
-    """Return a column with its unit; where none is stated, that which is likely, with a warning, or a refusal.
+    """Return a column with its unit; without a stated one the likely one, with a warning, or a refusal.
 
     In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
     """
@@ -363,7 +365,7 @@ def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Colum
 
 
 def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np.ndarray:
-    """Return G in SI units by its parts; of a magnitude or a phase alone with the other part of `G`."""
+    """Return G in SI units from its parts; a magnitude or phase alone is completed by the other part of `G`."""
     x = {one.parsed.quantity: convert(one.parsed, one.x) for one in form}
     if "real" in x:
         if form[0].parsed.inverse != form[1].parsed.inverse:
@@ -375,7 +377,7 @@ def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np
 
 
 def _unit_of_parts(form: Sequence[_Column]) -> tuple[float, str]:
-    """Return the unit of G, that of all parts or else one without prefixes: its factor to SI units, and its name."""
+    """Return factor to SI and name of the unit of G: the unit of all parts, else one without prefixes."""
     parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
     units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
     if len({unit.powers for unit in units}) > 1:
@@ -395,24 +397,24 @@ def _require_same(G: np.ndarray, first: Sequence[_Column], form: Sequence[_Colum
     for columns, value in ((first, G), (form, other)):
         moved = [one._replace(x=one.x + _last_decimal(one.x)) for one in columns]
         tolerance = tolerance + np.abs(_complex_numbers(moved, G) - value)
-    n_off = np.count_nonzero(np.abs(other - G) > tolerance)  # numbers that are missing in one do not count
+    n_off = np.count_nonzero(np.abs(other - G) > tolerance)  # missing numbers do not count
     if n_off > max(1.0, _MAX_OUTLIERS * G.size):
         names = (join_names([repr(one.name) for one in columns]) for columns in (first, form))
         raise ValueError(f"{' contradict '.join(names)} in {n_off} of {G.size} lines")
 
 
 def _last_decimal(x: np.ndarray) -> float:
-    """Return the last decimal that numbers are written with; 0 of those with many digits."""
+    """Return the last decimal of written numbers; 0 if they have many digits."""
     kept = x[np.isfinite(x)]
     return next((10.0**-k for k in range(12) if np.allclose(np.round(kept, k), kept, rtol=1e-12, atol=0)), 0.0)
 
 
 def _deviation_of(column: _Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
-    """Return the standard deviation of G or of a part in SI units; None where its unit does not go with that of G."""
+    """Return the standard deviation of G or of a part in SI units; None if its unit does not fit that of G."""
     unit = column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
     if unit is None or column.parsed.unknown:
         return None
-    is_share = not unit.powers and unit.factor < 1 and unit != own  # not of a G in percent, too
+    is_share = not unit.powers and unit.factor < 1 and unit != own  # not if G is in percent, too
     is_relative = unit.decades > 0 or is_share or suits("phase", unit)
     if not is_relative and (unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)):
         return None
@@ -421,7 +423,7 @@ def _deviation_of(column: _Column, size: np.ndarray, own: Unit | None) -> np.nda
 
 
 def describe_frfs(tables: dict[str, _FrfTable]) -> tuple[str, tuple[str, ...]]:
-    """Return what the FRFs of a file are and what the first lacks, in words, and the options that it needs."""
+    """Describe the FRFs of a file and what the first one lacks; return also the options that it needs."""
     if not tables:
         return "", ()
     (label, frf), *others = tables.items()
@@ -429,7 +431,7 @@ def describe_frfs(tables: dict[str, _FrfTable]) -> tuple[str, tuple[str, ...]]:
         return f"FRF:   in {' and '.join(map(repr, frf.columns))}\nneeds: {frf.refusal}", ("--columns", "COLUMNS")
     about = f"FRF:   {frf.f.size} lines from {frf.f[0]:g} to {frf.f[-1]:g} Hz in {' and '.join(map(repr, frf.columns))}"
     about += "".join(f", and of {other!r}" for other, _ in others)
-    about += f"; not of it: {', '.join(map(repr, frf.left_out))}" if frf.left_out and not others else ""
+    about += f"; not part of it: {', '.join(map(repr, frf.left_out))}" if frf.left_out and not others else ""
     channel = ("--channel", label) if others else ()
     if frf.std is not None:
         return about, channel

@@ -1,4 +1,4 @@
-"""What a measurement file holds, and a guess at how to load it."""
+"""Contents of a measurement file, and a guess at how to load it."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-_MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
-_MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
-#: Why a channel is no candidate.
+_MAX_UNEVEN_STEPS = 0.01  # largest share of the steps of a counter that differ from the others, at its wraps
+_MIN_LENGTH_RATIO = 16  # length ratio beyond which a shorter channel is ignored
+#: Reason why a channel is no candidate.
 _PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
 
 
 class _Channel(NamedTuple):
-    """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan where not told), extremes, rms."""
+    """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan if unknown), extremes, rms."""
 
     name: str
     unit: str
@@ -54,33 +54,33 @@ class _Channel(NamedTuple):
 
 @value
 class _FileContents:
-    """What `inspect_file` found.
+    """Result of `inspect_file`.
 
     Fields
     ------
     path : str
-        The file.
+        Path of the file.
     channels : tuple of Channel
         Streams of samples, in the order of the file.
     notes : dict of str to str
-        Why other things in the file are no signals.
+        Reasons why other entries of the file are no signals.
     u, y, reference : str
-        Guess at input, output and reference, empty where there is none. A channel that rises throughout, as clocks,
-        counters and frequencies do, is none of them; a set point is no output.
+        Guess at input, output and reference, empty if there is none. A channel that rises throughout (a clock, counter
+        or frequency) is none of them; a set point is no output.
     period : float
-        Guess at the period of the input, in samples; 0 where it does not repeat.
+        Guess at the period of the input, in samples; 0 if it does not repeat.
     lines : str
-        The lines that are excited, in words; of a file of this package what it holds.
+        Description of the excited lines; for a file of this package of its contents.
     schema : str
-        What this package wrote, empty for a file of others.
+        Schema of a file of this package, empty for other files.
     lost : str
-        Rows that are missing by the time column, and the periods that are whole all the same; or how its steps vary.
+        Description of the rows missing in the time column and of the whole periods, or of its unequal steps.
     uneven : bool
-        Whether its rows belong to no even clock, and have to be put on one.
+        True if the rows belong to no even clock, and must be put on one.
     doubt : str
-        Why no input is proposed where a period was found.
+        Reason why no input is proposed although a period was found.
     frf : str
-        Of a file with FRFs what they are and what they lack; empty for others.
+        Description of FRFs in the file, and of what they lack; empty without FRFs.
     frf_options : tuple of str
         Options of `robust model` that the FRF needs.
 
@@ -121,7 +121,7 @@ class _FileContents:
         return shlex.join(["nlfrf", "identify", file, *options, "-o", _escape_dash(f"{stem}-bla.npz")])
 
     def record_options(self) -> list[str]:
-        """Return the options that say what the record of others is."""
+        """Return the options of `nlfrf identify` for a file of another program."""
         options = ["--input", _quote_name(self.u or "INPUT"), "--output", _quote_name(self.y or "OUTPUT")]
         options += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         options += ["--reference", _quote_name(self.reference)] if self.reference else []
@@ -147,9 +147,7 @@ class _FileContents:
             reference = f", reference {self.reference}" if self.reference else ""
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}")
             if not is_set_point(self.u):
-                lines.append(
-                    "hold:  zoh where the input is a command, band-limited where it was measured; not known here"
-                )
+                lines.append("hold:  zoh if the input is a command, band-limited if it was measured; unknown here")
         return "\n".join([*lines, f"run:   {self.command}"])
 
 
@@ -168,7 +166,7 @@ def _table_of_channels(channels: Sequence[_Channel]) -> list[str]:
 
 
 def _quote_name(name: str) -> str:
-    """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
+    """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, if it contains commas.
 
     >>> print(_quote_name("Kraft"), _quote_name("Kraft, x"))
     Kraft "Kraft, x"
@@ -178,12 +176,14 @@ def _quote_name(name: str) -> str:
 
 
 def _escape_dash(path: str) -> str:
-    """Return a path that begins with a dash, told apart from an option."""
+    """Return a path that cannot be mistaken for an option, even if it begins with a dash."""
     return f"./{path}" if path.startswith("-") else path
 
 
 def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     """Look into a measurement file: its channels, and a guess at input, output and period.
+
+    Use this before `load_record` if you do not know the names in a file; print the result.
 
     Parameters
     ----------
@@ -193,13 +193,13 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     Returns
     -------
     FileContents
-        Printed, a table with the command to run. The guess goes by names, then by lines: a machine adds to what stands
-        between them, so the input is the channel where it is empty.
+        Printed, it is a table with the command to run. The guess uses names, then lines: a machine adds power between
+        the lines, so the input is the channel whose detection lines are empty.
 
     Raises
     ------
     ValueError
-        A file that cannot be read as what its name says.
+        The file cannot be read as the kind that its suffix names.
     FileNotFoundError
         No such file.
 
@@ -216,7 +216,7 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     >>> folder.cleanup()
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
+        warnings.simplefilter("ignore")  # loading the record asks for a doubtful clock
         file = read_channels(path)
         if file.text("schema"):
             return _own_contents(file)
@@ -232,7 +232,7 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
         )
     tables = find_frfs(file)
     frf, frf_options = describe_frfs(tables)
-    n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
+    n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     candidates, progressive = _split_moving(file, streams)
     rows = {name: find_rows_off(file.seconds(name), _known_rate(file, name)) for name in candidates}
@@ -262,7 +262,7 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
 
 
 def _split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the streams that move and are no times, and the names of those that only rise or fall."""
+    """Return the varying streams without times, and the names of those that only rise or fall."""
     times = {name for name in streams if is_time_name(name)} | set(file.clocks.values())
     varying = {name: stream for name, stream in streams.items() if name not in times and _is_varying(stream)}
     candidates = {name: stream for name, stream in varying.items() if not _is_progressive(stream)}
@@ -270,29 +270,29 @@ def _split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[
 
 
 def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> ScreenedStreams:
-    """Look for the faults of the record in a file, where they stand, to draw them.
+    """Look for the faults of the record in a file, with their places, to draw them.
 
-    Of a file without a periodic input all that varies is shown. Of several realisations or experiments the first is.
+    For a file without a periodic input all varying channels are shown; for several realisations the first one.
 
     Parameters
     ----------
     path : path
         The file.
     contents : FileContents
-        What `inspect_file` found in it.
+        Result of `inspect_file` for it.
 
     Raises
     ------
     ValueError
-        A file that holds no record.
+        The file contains no record.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # `inspect_file` leaves the clock to loading too
+        warnings.simplefilter("ignore")  # loading the record asks for a doubtful clock
         file = read_channels(path)
         if contents.schema:
             record = value_in(file)
             if not isinstance(record, Record):
-                raise ValueError(f"plot must be of a record, got {path}: {contents.schema} is drawn by nlfrf plot")
+                raise ValueError(f"plot must show a record, got {path}: nlfrf plot draws {contents.schema}")
             signals = _record_signals(record)
             return screen_streams(
                 [one[0].ravel() for _, _, one in signals],
@@ -308,9 +308,9 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
             moving = {name: x for name, x in varying.items() if _is_varying(x) and name not in file.times}
             names = list(next(iter(_group_by_length(moving)), {}))[:MAX_CANDIDATES]
         if contents.frf and not contents.u:
-            raise ValueError(f"plot must be of a record, got {path}, which holds an FRF: robust model takes it")
+            raise ValueError(f"plot must show a record, got {path}, which contains an FRF: use robust model")
         if not names:
-            raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
+            raise ValueError(f"plot must show a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
         lost = find_lost_rows(file.seconds(names[0]), _known_rate(file, names[0]))
         fs = _known_rate(file, *names)
@@ -325,7 +325,7 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
 
 
 def _own_contents(file: Channels) -> _FileContents:
-    """Return what a file of this package holds: the channels of a record, anything else in words."""
+    """Return the contents of a file of this package: the channels of a record, or a description of anything else."""
     content = value_in(file)
     channels: tuple[_Channel, ...] = ()
     if isinstance(content, Record):
@@ -346,7 +346,7 @@ def _own_contents(file: Channels) -> _FileContents:
 
 
 def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
-    """Name, unit and samples of every channel."""
+    """Return name, unit and samples of every channel."""
     references = ("r",) if record.is_single else tuple(f"r {name}" for name in record.inputs)
     sides = [
         (record.inputs, record.input_units, record.u),
@@ -362,7 +362,7 @@ def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
 
 
 def _describe_extent(content: Record | Multisine) -> str:
-    """Return how much of a signal there is, in words."""
+    """Describe the extent of a signal."""
     runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
     periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
     f = content.lines.excited * content.f0
@@ -371,12 +371,12 @@ def _describe_extent(content: Record | Multisine) -> str:
 
 
 def _is_varying(stream: np.ndarray) -> bool:
-    """Return whether a stream of numbers or truth values moves, and all of it is finite."""
+    """Return whether a stream of numbers or truth values varies and is finite."""
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
 def _is_progressive(stream: np.ndarray) -> bool:
-    """Return whether a stream goes one way throughout, or by equal steps but for rare wraps: no signal that repeats.
+    """Return whether a stream only rises or falls, or has equal steps except for rare wraps: no periodic signal.
 
     >>> [_is_progressive(np.array(x)) for x in ([1, 2, 2, 9], [3.0, 1.0, 0.5], [0, 1, 0], np.arange(900) % 256)]
     [True, True, False, True]
@@ -388,15 +388,15 @@ def _is_progressive(stream: np.ndarray) -> bool:
 
 
 def _known_rate(file: Channels, *names: str) -> float:
-    """Return the sampling frequency of channels [Hz]; nan where the file does not tell it."""
+    """Return the sampling frequency of channels [Hz]; nan if the file does not have it."""
     with warnings.catch_warnings(), suppress(ValueError):
-        warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
+        warnings.simplefilter("ignore")  # loading the record asks for a doubtful clock
         return file.sampling_frequency(None, names)
     return np.nan
 
 
 def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> _Channel:
-    """Return a channel by its samples."""
+    """Return a channel with the statistics of its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
     extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
@@ -404,9 +404,9 @@ def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) 
 
 
 def _group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """Return the channels of one length each, as they were sampled together, the longest first.
+    """Return groups of channels with equal length, sampled together, the longest first.
 
-    What is far shorter than the longest is no measurement, but a state, a setting or a temperature noted now and then.
+    A channel much shorter than the longest is no measurement, but a state, a setting or an occasional temperature.
     """
     sizes = sorted({stream.size for stream in candidates.values()}, reverse=True)
     return [

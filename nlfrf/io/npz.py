@@ -1,8 +1,8 @@
-"""NPZ files of NumPy: every array, read to where it stays.
+"""NPZ files of NumPy: every array, read without a copy where possible.
 
-A member is a small header and its numbers, compressed or not. The header says how many they are, the archive says how
-many bytes the member has. Where the two contradict each other, or ask for more than `require_size` grants, nothing of
-the file is unpacked.
+A member is a small header and its numbers, compressed or not. The header gives the number of entries, the archive the
+number of bytes of the member. If the two contradict each other, or exceed the limit of `require_size`, nothing of the
+file is unpacked.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from numpy.lib import format as npy
 from nlfrf._base.numbers import iterate_blocks
 from nlfrf._base.own_process import Contents, require_size
 
-_LARGE_MEMBER = 1 << 20  # bytes from which it is worth not to read them twice
+_LARGE_MEMBER = 1 << 20  # bytes above which a second copy is avoided
 _HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 class _Header(NamedTuple):
-    """What the header of a member says, and how many bytes it has itself."""
+    """Header of a member, with its own length in bytes."""
 
     shape: tuple[int, ...]
     by_columns: bool
@@ -32,12 +32,12 @@ class _Header(NamedTuple):
 
     @property
     def n_numbers(self) -> int:
-        """Numbers in the array."""
+        """Number of entries of the array."""
         return int(np.prod(self.shape, dtype=object))
 
 
 def contents(path: Path) -> Contents:
-    """Arrays by name; those that are not compressed without a copy on the way, held against their checksum."""
+    """Return arrays by name; uncompressed ones without an extra copy, checked against their checksum."""
     notes: dict[str, str] = {}
     arrays: dict[str, np.ndarray] = {}
     with path.open("rb") as stream, ZipFile(stream) as archive:
@@ -57,7 +57,7 @@ def contents(path: Path) -> Contents:
             elif (
                 header.length + header.n_numbers * header.kind.itemsize != member.file_size or header.kind.itemsize == 0
             ):
-                raise ValueError(f"{name!r} says that it has the shape {header.shape}, and its numbers are not as many")
+                raise ValueError(f"{name!r} has the shape {header.shape} in its header, and another number of entries")
             else:
                 headers[name] = member, header
         for name, (member, header) in headers.items():
@@ -69,7 +69,7 @@ def contents(path: Path) -> Contents:
 
 
 def _read_header(stream: IO[bytes]) -> _Header | None:
-    """Return the header of a member behind the first bytes of it; None of a version that only tables have."""
+    """Return the header of a member behind its first bytes; None for a version used by tables only."""
     version = tuple(stream.read(2))
     if version not in _HEADER_READERS:
         return None
@@ -80,13 +80,13 @@ def _read_header(stream: IO[bytes]) -> _Header | None:
 
 
 def _read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
-    """Return an array as NumPy reads it; the archive holds it against its checksum."""
+    """Return an array as NumPy reads it; the archive checks its checksum."""
     with archive.open(member) as stream:
         return npy.read_array(stream, allow_pickle=False)
 
 
 def _map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: _Header) -> np.ndarray:
-    """Return an array that lies in the file as it is."""
+    """Return an array that lies uncompressed in the file."""
     with archive.open(member) as opened:
         head = opened.read(header.length)
     with path.open("rb") as stream:
@@ -101,7 +101,7 @@ def _map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: _Heade
 
 
 def _member_offset(stream: IO[bytes], member: ZipInfo) -> int:
-    """Return where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
+    """Return the offset of the bytes of a member, behind its local head of 30 bytes, a name and an extra field."""
     stream.seek(member.header_offset + 26)
     lengths = stream.read(4)
     return member.header_offset + 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")

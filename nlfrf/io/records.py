@@ -45,29 +45,27 @@ def _read_measurement(path: str | os.PathLike[str]) -> Channels:
     return file
 
 
-# ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are whole all the same.
+# ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are still whole.
 #
-# Behind a lost row every sample stands one early. Cut by counting, all later periods are out of place; cut by their
-# times, all periods but the one with the hole are as good as before.
+# Behind a lost row every sample is one place early. Periods that are cut by counting are then all misplaced. Cut by
+# their times, all periods except the one with the gap are valid.
 
-_MAX_UNEVENNESS = (
-    0.25  # of a sample: a step further from a whole number of samples shows a clock that jitters, not a lost row
-)
-_WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of samples is none
-_MAX_NAMED = 3  # jumps that a message names
-_MAX_LOST_SHARE = 0.05  # of the rows: where time jumps at more, its rate varies
+_MAX_UNEVENNESS = 0.25  # [samples] a step further from a whole number shows a clock with jitter, not a lost row
+_WHOLE_TOLERANCE = 0.1  # [samples] largest distance of a period from a whole number
+_MAX_NAMED = 3  # jumps that a message lists
+_MAX_LOST_SHARE = 0.05  # share of the rows with a jump of time above which the rate varies
 
 
 @value(in_sentences=True)
 class _LostRows:
-    """Where the rows of a file stand on an even clock.
+    """Places of the rows of a file on an even clock.
 
     Fields
     ------
     place : (n,) ndarray of int
-        The sample that each row is, counted from the first one.
+        Sample number of each row, counted from the first one.
     moments : (n,) ndarray
-        Its time [s].
+        Time of each row [s].
     fs : float
         Sampling frequency [Hz].
     """
@@ -77,16 +75,16 @@ class _LostRows:
     fs: float
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """Return a stream with straight lines over what is lost: good enough to find its period, no more."""
+        """Return a stream with lost rows interpolated linearly: only good enough to find its period."""
         return np.asarray(np.interp(np.arange(self.place[-1] + 1), self.place, stream))
 
     def whole_periods(self, n_samples: int) -> np.ndarray:
-        """Numbers of the periods, from 0, in which no row is lost."""
+        """Return the numbers of the periods, from 0, in which no row is lost."""
         count = np.bincount(self.place // n_samples, minlength=1)
         return np.flatnonzero(count == n_samples)
 
     def kept(self, stream: np.ndarray, n_samples: int, n_discard: int) -> np.ndarray:
-        """The whole periods of streams (..., n), one behind the other, but for the first `n_discard` of the record."""
+        """Return the whole periods of streams (..., n), one behind the other, without the first `n_discard`."""
         period = self.place // n_samples
         whole = self.whole_periods(n_samples)
         kept = np.ascontiguousarray(stream[..., np.isin(period, whole[whole >= n_discard])])
@@ -105,7 +103,7 @@ class _LostRows:
         return "; ".join(descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
 
     def describe(self, n_samples: int) -> str:
-        """Describe the lost rows, and say which periods are whole.
+        """Describe the lost rows and list the whole periods.
 
         >>> place = np.delete(np.arange(30), 14)
         >>> _LostRows(place=place, moments=place / 10, fs=10.0).describe(10)
@@ -119,7 +117,7 @@ class _LostRows:
 
 
 def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
-    """Read from a time column which rows are lost; None where none is, or where the column does not show it.
+    """Find the lost rows in a time column; None if there are none, or if the column does not show them.
 
     Parameters
     ----------
@@ -131,8 +129,8 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     Returns
     -------
     LostRows or None
-        None of a column whose steps are no whole numbers of samples, as moments that a computer noted, and where more
-        is lost than is there.
+        None if the steps are no whole numbers of samples, as for times noted by a computer, or if more rows are lost
+        than exist.
     """
     if seconds is None or not fs > 0 or seconds.size < 2:
         return None
@@ -150,10 +148,10 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     return _LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
 
 
-# ---- Rows of a file that are not those of one record: parts of it, and signals that take turns.
+# ---- Rows of a file that do not form one record: parts of it, and signals that alternate.
 
-_HEAD_ROWS = 64  # rows that show whether signals take turns
-_MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
+_HEAD_ROWS = 64  # rows that show whether signals alternate
+_MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a warning
 
 
 def _arrange_rows(
@@ -164,9 +162,9 @@ def _arrange_rows(
     fs: float | None,
     windows: tuple[Seconds, Seconds],
 ) -> tuple[list[Channels], Cutting]:
-    """Return measurement files whose channels are streams of rows: each realisation one, and how they are cut."""
+    """Return measurement files whose channels are streams of rows, one per realisation, and the cutting options."""
     several = (some if isinstance(some, list | tuple) else [some] for some in channels)
-    names = [name for some in several for name in some if isinstance(name, str)]  # others are refused later
+    names = [name for some in several for name in some if isinstance(name, str)]  # other types are refused later
     if not names or any(file.text("schema") for file in files):
         return files, options
     files = [merge_alternating_rows(file, names) for file in files]
@@ -177,9 +175,9 @@ def _arrange_rows(
 
 
 def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]:
-    """Return a file whose matrices of periods, (n, P) or (P, n), are streams, and n; itself and 0 where it has none.
+    """Return a file with its matrices of periods, (n, P) or (P, n), as streams, and n; the file and 0 if it has none.
 
-    The first channel shows whether its columns repeat each other; those of the same shape go with it.
+    The first channel shows whether its columns repeat each other; matrices with its shape are treated alike.
     """
     full = file.full_name(names[0]) if names else ""
     matrix = file.arrays.get(full, np.zeros(0))
@@ -201,7 +199,7 @@ def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]
 
 
 def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
-    """Return a file whose channels take turns, a row each, with their rows merged; itself where they do not."""
+    """Return a file with alternating channels merged, one row each; the file itself if they do not alternate."""
     full = [file.full_name(name) for name in names]
     known = {name: file.arrays[name] for name in full if name in file.arrays and file.arrays[name].dtype.kind == "f"}
     if len(known) < 2 or len({array.shape for array in known.values()}) > 1 or next(iter(known.values())).ndim != 1:
@@ -218,17 +216,17 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
     if (seconds := file.seconds(full[0])) is not None:
         t = seconds[turns]
         shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
-        late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G has that delay in it" if shift else ""
+        late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G includes this delay" if shift else ""
         time = file.time_of(full[0])
         merged[time] = file.arrays[time][turns[0]]
-    data_warning(f"the channels of {Path(file.path).name!r} take turns, a row each: {n} turns were merged{late}")
+    data_warning(f"the channels of {Path(file.path).name!r} alternate, one row each: {n} pairs were merged{late}")
     return replace(file, arrays={**file.arrays, **merged})
 
 
 def _cut_windows(
     files: Sequence[Channels], start: Seconds, stop: Seconds, *, name: str, fs: float | None
 ) -> list[Channels]:
-    """Return the parts of files from each start to its stop, in seconds from the first row; a realisation each."""
+    """Return the parts of files from each start to its stop, in seconds from the first row; one realisation each."""
     starts, stops = ([] if one is None else np.atleast_1d(one).tolist() for one in (start, stop))
     starts, stops = starts or [0.0] * len(stops), stops or [np.inf] * len(starts)
     if len(starts) != len(stops):
@@ -251,40 +249,40 @@ def _cut_windows(
 
 
 def find_rows_off(seconds: np.ndarray | None, fs: float) -> _LostRows | UnevenClock | None:
-    """Return which rows are lost by a time column, or that its steps vary; None where all stand on an even clock."""
+    """Return the lost rows of a time column, or its uneven clock; None if all rows are on an even clock."""
     return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
 
-#: The streams (..., n) of a signal, one of each file, behind the parameter that they are.
+#: Name of a parameter and the streams (..., n) of its signal, one per file.
 Group: TypeAlias = tuple[str, list[np.ndarray]]
 
 
 def _align_rows(
     files: Sequence[Channels], names: Sequence[str], groups: Sequence[Group], *, fs: float | None, options: Cutting
 ) -> tuple[float, Cutting]:
-    """Bring the streams of files onto one even clock, in place, and return it [Hz] and how they are to be cut.
+    """Bring the streams of files onto one even clock, in place; return its rate [Hz] and the cutting options.
 
     Parameters
     ----------
     files : sequence of Channels
-        The files.
+        Files.
     names : sequence of str
-        Their channels; the time column of the first counts.
+        Their channels; the time column of the first one is used.
     groups : sequence of Group
-        The streams of these, input or reference in front.
+        Streams of these channels, input or reference first.
     fs : float, optional
-        The sampling frequency as it was given [Hz].
+        Sampling frequency as given [Hz].
     options : Cutting
-        How they are to be cut.
+        Cutting options.
 
     Raises
     ------
     ValueError
-        Several clocks, time steps that vary where nobody asked for an even clock, a file in which no period is whole.
+        Several clocks; unequal time steps without `resample` or `fs`; a file without a whole period.
     """
     clocks = [file.sampling_frequency(fs, tuple(names)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
-        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+        raise ValueError(f"path must be files with one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
     clock = clocks[0]
     lost: list[_LostRows | None] = []
     for m, file in enumerate(files):
@@ -299,18 +297,18 @@ def _align_rows(
             clock = rows.fs
             data_warning(f"{described}; its rows were put on an even clock of {clock:g} Hz by a cubic spline")
         elif fs is not None:
-            data_warning(f"{described}; fs was given and is used as if there were one")
+            data_warning(f"{described}; the given fs is used as if the clock were even")
         else:
             raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
-    if not any(lost) or options.resample:  # which looks where the input shows that the periods stand
+    if not any(lost) or options.resample:  # resample finds the periods in the input
         return clock, options
     return clock, _keep_whole_periods(lost, groups, fs=clock, options=options, paths=[file.path for file in files])
 
 
 def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -> np.ndarray | None:
-    """Cut the rows off both ends of a file where a channel has no number yet, or none any more; return their times.
+    """Cut the rows at both ends of a file where a channel has no number; return the times of the others.
 
-    None of streams that differ in length from each other, which are refused later, or from the time column.
+    None if streams differ in length from each other, which is refused later, or from the time column.
     """
     sizes = {streams[m].shape[-1] for _, streams in groups}
     if len(sizes) > 1:
@@ -327,9 +325,9 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
         worst = min(range(len(groups)), key=lambda i: finite[i].sum())
         bad = np.flatnonzero(~finite[worst])
         raise ValueError(
-            f"{groups[worst][0]} must be finite, got {bad.size} nan or infinite numbers, the first at {bad[0]}; where "
-            "a channel has a slower clock than the other its cells stay empty: record both at one, or fill the gaps "
-            "and give the arrays to record_from_samples(u, y, fs=...)"
+            f"{groups[worst][0]} must be finite, got {bad.size} nan or infinite numbers, the first at {bad[0]}; if "
+            "a channel has a slower clock than the other, its cells are empty: record both at one rate, or fill the "
+            "gaps and give the arrays to record_from_samples(u, y, fs=...)"
         )
     if n_cut > _MAX_FRAYED_SHARE * held.size:
         data_warning(
@@ -343,25 +341,25 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
 def _keep_whole_periods(
     lost: Sequence[_LostRows | None], groups: Sequence[Group], *, fs: float, options: Cutting, paths: Sequence[str]
 ) -> Cutting:
-    """Leave out of streams, in place, the periods in which rows are lost, and return how what is left is to be cut.
+    """Remove from streams, in place, the periods with lost rows; return the cutting options for the rest.
 
     Parameters
     ----------
     lost : sequence of LostRows or None
-        What is lost in each file.
+        Lost rows of each file.
     groups : sequence of Group
-        The streams, input or reference in front.
+        Streams, input or reference first.
     fs : float
         Sampling frequency [Hz].
     options : Cutting
-        How they are to be cut.
+        Cutting options.
     paths : sequence of str
-        The files.
+        Paths of the files.
 
     Raises
     ------
     ValueError
-        A file in which no period is whole.
+        A file has no whole period.
     """
     n_samples = options.n_samples
     if n_samples is None and options.design is not None:
@@ -371,7 +369,7 @@ def _keep_whole_periods(
         found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
         n_samples = round(found)
         if abs(found - n_samples) > _WHOLE_TOLERANCE:
-            return options  # refused where it is looked for again
+            return options  # refused later, when it is searched again
     n_samples, n_discard = (
         require_integer("n_samples", n_samples, least=4),
         require_integer("n_discard", options.n_discard, least=0),
@@ -393,7 +391,7 @@ def _keep_whole_periods(
 
 
 class ReadOptions(TypedDict, total=False):
-    """How a record is cut out of files, by the names of the arguments of `load_record`."""
+    """Options for cutting a record from files; the names are arguments of `load_record`."""
 
     fs: float | None
     n_samples: int | None
@@ -451,59 +449,60 @@ def load_record(
     start: Seconds = None,
     stop: Seconds = None,
 ) -> Record | list[Record]:
-    """Read a record from a measurement file, or from several of one experiment.
+    """Read a record from a measurement file, or from several files of one experiment.
+
+    The samples are cut into periods and screened, as in `record_from_samples`; `inspect_file` lists the channels.
 
     Parameters
     ----------
     path : path, or a list of them
         ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
         dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
-        ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
+        ``.parquet .feather``, ``.wav``; `inspect_file` lists them. Several files are several realisations of
         one experiment, as in `join_records`.
     u, y, r : str, or a list of them
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
-        ``matrix.2`` for a column, ``col2`` where a table has no header; "u" and "y" when not given. A list of inputs
-        gives one record of all channels, one file an experiment. One input and a list of names for `y` give a list of
-        records that share the input. Of a record of several channels that `save_record` wrote, `u` may be left out,
-        and `y` chooses outputs; several such files give the experiments of all. The reference that `save_record` wrote
-        comes along where `r` is not named.
+        ``matrix.2`` for a column, ``col2`` for a table without a header; by default "u" and "y". A list of inputs
+        gives one record of all channels, with one file per experiment. One input and a list of names for `y` give a
+        list of records that share the input. For a record of several channels that `save_record` wrote, `u` may be left
+        out, and `y` chooses outputs; several such files give the experiments of all. Such a record keeps its reference
+        if `r` is not given.
     fs : float, optional
-        Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
-        itself, a time channel (in seconds, or in the unit that its name or a units row tells).
+        Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate stated for a channel,
+        or a time channel (in seconds, or in the unit in its name or in a row of units).
     n_samples : int, optional
-        Samples in one period; found from the input when not given.
+        Samples in one period; by default found from the input.
     lines : LineGrid, optional
-        Excited and detection lines; found from the input when not given.
+        Excited and detection lines; by default found from the input.
     n_discard : int
         Periods to leave out at the start.
     resample : bool
-        Put rows of uneven time steps on an even clock, and cut the periods where the input shows that they stand; see
+        Put rows with unequal time steps on an even clock, and cut the periods at their places in the input; see
         `record_from_samples`.
     design : Multisine or path, optional
-        What was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
+        Design that was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
     hold : str, optional
-        How u runs between its samples, "zoh" or "band-limited"; see `Record`. From the file or the design when not
-        given.
+        Input between its samples, "zoh" or "band-limited"; see `Record`. By default from the file or the design.
     start, stop : float, or a list of them, optional
         Parts of each file [s], from its first row on: each is a realisation.
 
     Returns
     -------
     Record, or a list of them for one input and a list of y
-        With the names and units that the file has for the channels.
+        With the names and units of the channels in the file.
 
     Raises
     ------
     ValueError
-        A file that cannot be read as what its name says, names that are not in it (the message lists those that
-        are), signals that do not make a record.
+        A file that cannot be read as the kind that its suffix names; names that are not in it (the message lists the
+        existing ones); signals that do not make a record.
     FileNotFoundError
         No such file.
 
     Warns
     -----
     DataWarning
-        A sampling frequency that is not that of the file, a time channel without a unit, one that shows lost rows: the
+        A given sampling frequency that is not that of the file; a time channel without a unit, or with lost rows: the
         periods that are whole by their times are kept.
 
     Examples
@@ -544,10 +543,10 @@ def load_record(
 def _load_outputs(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], *, fs: float | None, options: Cutting
 ) -> list[Record]:
-    """Return a record for each output of one input, of files that this package wrote or that somebody measured."""
+    """Return a record for each output of one input, from files of this package or from measurement files."""
     if several := next((file.path for file in files if _holds_several(file)), None):
         raise ValueError(
-            f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
+            f"path must be a record of one input, got {several!r} with several: name its inputs in a list, or leave "
             "input out"
         )
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
@@ -557,7 +556,7 @@ def _load_outputs(
 
 
 def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list[str]]:
-    """Return the names of input and reference, and of the outputs; refuse what is none, or an output given twice."""
+    """Return the names of input and reference, and of the outputs; refuse other types, or an output given twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
             raise ValueError(f"{parameter} must name one channel, got {short_form(name)}")
@@ -574,7 +573,7 @@ def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], lis
 def _measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
-    """Return a record for each output, of the streams of all files."""
+    """Return a record for each output, from the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
     fs, options = _align_rows(
@@ -586,10 +585,10 @@ def _measured_records(
     )
     for name in outputs:
         if files[0].full_name(name) == files[0].full_name(names["u"]):
-            data_warning(f"y names the input itself, {name!r}: G is 1 whatever was measured")
+            data_warning(f"y names the input itself, {name!r}: G is 1 in any case")
     labels = {name: files[0].labels(names["u"], name) for name in outputs}
-    files.clear()  # what else they hold is not needed any more
-    return records_from_streams(  # which alone holds the streams then, so that it can let go of them
+    files.clear()  # their other arrays are no longer needed
+    return records_from_streams(  # the only owner of the streams, so that it can free them
         streams.pop("u"),
         measured.pop("y"),
         r=streams.pop("r", None),
@@ -611,7 +610,7 @@ def _load_channels(
     fs: float | None,
     options: Cutting,
 ) -> Record:
-    """Return the record of several inputs or outputs in measurement files, one file an experiment."""
+    """Return the record of several inputs or outputs in measurement files, one file per experiment."""
     if isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
@@ -639,7 +638,7 @@ def _load_channels(
 
 
 def _holds_several(file: Channels) -> bool:
-    """Return whether a file is a record of several channels, as this package writes it."""
+    """Return whether a file is a record of several channels, written by this package."""
     return file.text("schema") == MULTIRECORD_SCHEMA
 
 
@@ -651,7 +650,7 @@ def _stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.
     for name, stream in zip(names, streams, strict=True):
         if stream.size != streams[0].size:
             raise ValueError(
-                f"{parameter} must be channels of one length, got {streams[0].size} samples in {names[0]!r} and "
+                f"{parameter} must be channels of equal length, got {streams[0].size} samples in {names[0]!r} and "
                 f"{stream.size} in {name!r}"
             )
     return np.stack(streams)

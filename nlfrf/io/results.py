@@ -1,4 +1,4 @@
-"""Results to and from files, and whatever else these packages wrote."""
+"""Results and all other objects of these packages, to and from files."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-_BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
+_BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # for one input and output, for several
 RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
-#: Reads and writes the JSON files of `robust`. It is named here, not imported: `robust` stands on this package.
+#: Module that reads and writes the JSON files of `robust`. It is not imported, because `robust` imports this package.
 _JSON_FILES = "robust.io.stored"
 
 
 def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
-    """Write a `Bla` as a table, one excited line a row, for spreadsheets and other programs.
+    """Write a `Bla` as a table, one row per excited line, for spreadsheets and other programs.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
-    dof, grid_factor; standard deviations in the unit of G. Of several channels, for every entry: Re, Im and bound,
-    behind each "output/input". What was warned of stands above the columns, a row each behind "# warning:".
+    dof, grid_factor; standard deviations in the unit of G. For several channels, for every entry: Re, Im and bound,
+    each with "output/input". Warnings are above the columns, one row each, behind "# warning:".
 
     Parameters
     ----------
     bla : Bla
-        What was identified.
+        Result of `identify`.
     path : path
         File to write. Written whole or not at all.
     confidence : float
         Probability of the two bounds.
     decimal : str
-        Mark of decimals: "." or ",", which has semicolons between the columns.
+        Mark of decimals: "." or ",", which implies semicolons between the columns.
 
     Raises
     ------
     ValueError
-        A confidence that is no probability.
+        The confidence is no probability.
     FileNotFoundError
-        A folder that does not exist.
+        The folder does not exist.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
 
 def _frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
-    """Return the table of a matrix, entry by entry."""
+    """Return the columns of a matrix, entry by entry."""
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
         entry, name = frm.G[j, i], f"{y}/{u}".replace(",", ";")
@@ -112,54 +112,54 @@ def _frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
 def save(
     thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None, unit: str = ""
 ) -> None:
-    """Write whatever these packages make, so that `load` reads it.
+    """Write an object of these packages to a file, so that `load` reads it.
 
-    Files replace what the path held. Each is written whole or not at all.
+    An existing file is replaced. Each file is written whole or not at all.
 
     Parameters
     ----------
     thing : Multisine, Record, Bla, UncertaintyModel, controller, RobustnessReport, ...
-        What to write; the suffixes that each kind takes:
+        Object to write; each kind has its suffixes:
 
-        - a multisine: ``.npz`` and ``.h5`` hold the design exactly and its samples u, (M, N), of several inputs
-          (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` hold what a signal generator plays, one column or channel a
-          realisation or input; the design goes to an ``.npz`` of the same name. A WAV file is scaled to a peak of 1.
-        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` of set points to play, one file a realisation, with
-          its design as ``.npz``.
-        - a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment.
+        - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u, (M, N), for several inputs
+          (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` contain the signal for a generator, one column or channel per
+          realisation or input; the design goes to an ``.npz`` with the same name. A WAV file is scaled to a peak of 1.
+        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` with set points to play, one file per realisation,
+          with its design as ``.npz``.
+        - a record: ``.npz``, ``.mat`` and ``.h5`` contain all of it, ``.csv`` the samples of one experiment.
         - a BLA: ``.npz`` or ``.h5``.
         - an uncertainty model, or a controller for negative feedback (state space, transfer function, number or
           matrix): ``.json``, exact to the bit.
-        - what `robust.check` and `robust.prove_friction` return: a certificate, ``.json``, with plant, controller,
-          delay, weights and claim as given and a digest of it all.
+        - a result of `robust.check` or `robust.prove_friction`: a certificate, ``.json``, with plant, controller,
+          delay, weights and claim as given, and a digest of them.
     path : path
         File to write.
     decimal : str
-        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
+        Mark of decimals in a ``.csv``: "." or ",", which implies semicolons between the columns.
     delay : float, optional
-        Of a controller: computation delay [s] that it was designed for. Commands that get the file check it with that.
+        For a controller: computation delay [s] of its design. Commands use it to check the file.
     unit : str
-        Of a controller: unit of the plant that it is for, of y over u. Commands refuse the file with another plant.
+        For a controller: unit of its plant, y over u. Commands refuse the file with another plant.
 
     Raises
     ------
     ValueError
-        A thing of another kind, or a suffix that does not fit; several experiments of a record for a ``.csv``; a
+        An object of another kind, or a suffix that does not fit; several experiments of a record for a ``.csv``; a
         sampling frequency that is no whole number for a ``.wav``; a report in which nothing is proved.
     FileNotFoundError
-        A folder that does not exist.
+        The folder does not exist.
 
     Warns
     -----
     DataWarning
-        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
+        Second-order sections do not represent a sampled controller to 0.1 %: only A, B, C and D are written.
 
     Examples
     --------
     >>> import nlfrf, tempfile
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> folder = tempfile.TemporaryDirectory()
-    >>> save(ms, f"{folder.name}/ms.csv")  # to play, and the design beside it
+    >>> save(ms, f"{folder.name}/ms.csv")  # to play, with the design in ms.npz
     >>> bool(np.array_equal(load(f"{folder.name}/ms.npz").phase, ms.phase))
     True
     >>> folder.cleanup()
@@ -181,25 +181,25 @@ def save(
 
 
 def load(path: str | os.PathLike[str]) -> Any:
-    """Read whatever `save` or a command of these packages wrote.
+    """Read a file that `save` or a command of these packages wrote.
 
-    Files of other programs go to `load_record` and `nlfrf.io.load_frf`.
+    Use `load_record` or `nlfrf.io.load_frf` for files of other programs.
 
     Parameters
     ----------
     path : path
-        A file of `save`; of what is to be played, the ``.npz`` of its design.
+        A file of `save`; for a signal to play, the ``.npz`` of its design.
 
     Returns
     -------
     Multisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
-        What was saved; a controller is a state space. Of a certificate the claim that it makes, unproved:
+        The saved object; a controller is a state space. For a certificate the claim in it, unproved:
         `robust.io.verify_certificate` proves it again.
 
     Raises
     ------
     ValueError
-        A file of another kind, one that is not whole, or of a version that this package does not read.
+        A file of another kind, an incomplete file, or an unknown version.
     FileNotFoundError
         No such file.
 
@@ -216,12 +216,12 @@ def load(path: str | os.PathLike[str]) -> Any:
 
 
 def load_own(path: str | os.PathLike[str]) -> StoredValue:
-    """Return what `nlfrf` wrote, for commands that take nothing else."""
+    """Read an object that `nlfrf` wrote, for commands that take nothing else."""
     return value_in(read_channels(path))
 
 
 def value_in(file: Channels) -> StoredValue:
-    """Return the record, result or design that the channels of a file of this package hold."""
+    """Return the record, result or design in the channels of a file of this package."""
     schema = file.text("schema")
     if schema == RECORD_SCHEMA:
         return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]
@@ -229,7 +229,7 @@ def value_in(file: Channels) -> StoredValue:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
         design = to_path(file.path).with_suffix(".npz")
-        played = f"; what was played may have its design in {design.name}" if not schema and design.is_file() else ""
+        played = f"; the design of a played signal may be in {design.name}" if not schema and design.is_file() else ""
         raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS) + played)
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

@@ -1,4 +1,4 @@
-"""Records as this package keeps them, of one input and output or of several, written and read."""
+"""Records in the format of this package, for one input and output or for several, written and read."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SEVERAL_AXES = f"channel {AXES_ORDER}"
 
 
 def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment."""
+    """Write a record: ``.npz``, ``.mat`` and ``.h5`` contain all of it, ``.csv`` the samples of one experiment."""
     path = to_path(path)
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -69,7 +69,7 @@ def _record_to_arrays(record: Record) -> dict[str, np.ndarray]:
         content |= {name: np.array(getattr(record, name)) for name in _LABELS}
     if record.warnings:
         content["warnings"] = np.array(json.dumps(record.warnings))
-    if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
+    if is_command():  # `nlfrf simulate`: no other command writes records, and a measured one must never have this mark
         content[SIMULATED_MARK] = np.array(True)
     return content if record.r is None else {**content, "r": record.r}
 
@@ -91,12 +91,12 @@ def _record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
 def stored_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
-    """Return a record for each output, of files that `save_record` wrote."""
+    """Return a record for each output, from files that `save_record` wrote."""
     records: list[Record] = []
     for output in outputs:
         runs = [_stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files]
         record = runs[0] if len(runs) == 1 else join_records(runs)
-        if records:  # the very same input, so that what is known of it need not be found again
+        if records:  # the same input object, so that its analysis is not repeated
             record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
         records.append(record)
     return records
@@ -104,9 +104,9 @@ def stored_records(
 
 def _stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None, options: Cutting) -> Record:
     """Return a record as `save_record` wrote it, already cut into periods, with its grid."""
-    if "r" in file.arrays:  # which a closed loop cannot do without
+    if "r" in file.arrays:  # a closed loop needs it
         names = {"r": "r", **names}
-    known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by what they were called
+    known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by their own names
     signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
     periods, (lines, hold, warned) = _stored_periods(file, signals, options)
@@ -128,22 +128,20 @@ def _stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None
 def stored_multirecord(
     files: list[Channels], u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
-    """Return a record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
+    """Return a record with several inputs that `save_record` wrote; several files give the experiments of all."""
     return join_records([_stored_experiments(file, u, y=y, fs=fs, options=options) for file in files])
 
 
 def _stored_experiments(
     file: Channels, u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
-    """Return the record of several experiments in a file of this package, with the outputs that are asked for."""
+    """Return the record of several experiments in a file of this package, with the wanted outputs."""
     require_known_version(file, MULTIRECORD_SCHEMA, _SEVERAL_AXES)
     if missing := [name for name in ("u", "y", *_CHANNELS) if name not in file.arrays]:
         raise ValueError(f"path must hold a whole record, got one without {', '.join(missing)}")
     inputs, outputs = (names_from_json(name, file.arrays[name]) for name in _CHANNELS)
     if u is not None and tuple(u) != inputs:
-        raise ValueError(
-            f"u must be the inputs of the record, {', '.join(inputs)}, all of them, got {short_form(list(u))}"
-        )
+        raise ValueError(f"u must be all inputs of the record, {', '.join(inputs)}, got {short_form(list(u))}")
     for name in y or ():
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
@@ -172,7 +170,7 @@ def _stored_experiments(
 def _stored_periods(
     file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
 ) -> tuple[dict[str, ArrayField], tuple[LineGrid, str, tuple[str, ...]]]:
-    """Signals (channels, M, P, N) as they were cut; their lines, hold and warnings: what was asked for goes first."""
+    """Return signals (channels, M, P, N) as cut, and lines, hold and warnings; `options` take precedence."""
     arrays = file.arrays
     try:
         shape = tuple(int(n) for n in np.ravel(arrays["shape"]))[-3:]

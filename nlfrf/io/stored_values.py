@@ -22,7 +22,7 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-#: Values inside a Bla or an experiment; levels of several channels are one an output.
+#: Values inside a Bla or an experiment; levels of several channels are one per output.
 _NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "lines": LineGrid,
     "experiment": Experiment,
@@ -31,21 +31,21 @@ _NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "ms": Multisine,
 }
 _TEXT_FIELDS = ("inputs", "outputs", "input_units", "output_units", "warnings")
-#: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
+#: Axes of signals; for several inputs and outputs a channel axis comes first.
 AXES_ORDER = "realization period sample"
 
 
 def save_value(
     thing: DataclassInstance, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
 ) -> None:
-    """Write every field of a value, those of the values inside it by dotted names, tuples of texts as JSON."""
+    """Write every field of a value: those of inner values by dotted names, tuples of texts as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     content |= _value_to_arrays(thing, field_names(thing))
     write_arrays(to_path(path), content, role=role)
 
 
 def _value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
-    """Return the fields of a value as arrays, those of the values inside it behind its name and a dot."""
+    """Return the fields of a value as arrays; those of inner values have its name and a dot as prefix."""
     content: dict[str, np.ndarray] = {}
     for name in names:
         part, key = getattr(thing, name), f"{prefix}{name}"
@@ -67,12 +67,12 @@ Kind = TypeVar("Kind")
 
 
 def load_value(kinds: Mapping[str, Callable[..., Kind]], path: str | os.PathLike[str]) -> Kind:
-    """Return the value of one of these kinds, by its schema, that `save_value` wrote."""
+    """Read a value of one of these kinds, by its schema, that `save_value` wrote."""
     return value_from_file(kinds, read_channels(path))
 
 
 def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) -> Kind:
-    """Return the value that the channels of a file hold, of one of these kinds by schema."""
+    """Return the value in the channels of a file, of one of these kinds by schema."""
     schema = file.text("schema")
     if schema not in kinds:
         raise ValueError(describe_wrong_file(file.path, schema or None, *kinds))
@@ -84,7 +84,7 @@ def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) ->
 
 
 def _value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
-    """Return a value from its fields as arrays; those that it can do without may be missing."""
+    """Return a value from its fields as arrays; optional fields may be missing."""
     wanted = inspect.signature(kind).parameters
     required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
     return kind(
@@ -97,7 +97,7 @@ def _value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarr
 
 
 def _field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:
-    """One field of a value from the arrays of its file."""
+    """Return one field of a value from the arrays of its file."""
     key = f"{prefix}{name}"
     if name in _TEXT_FIELDS:
         return names_from_json(name, content[key])
@@ -112,7 +112,7 @@ def _field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str
 
 
 def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
-    """Names of channels, or warnings, from JSON."""
+    """Return names of channels, or warnings, from JSON."""
     try:
         names = json.loads(str(_to_scalar(array)))
     except (json.JSONDecodeError, RecursionError):
@@ -123,13 +123,13 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
 
 
 def _to_scalar(array: np.ndarray) -> object:
-    """Return a number or a text from an array without axes, any other array as it is."""
+    """Return a number or a text from an array without axes, any other array unchanged."""
     held = array.item() if array.ndim == 0 else array
     return one_line(held) if isinstance(held, str) else held
 
 
 def require_known_version(file: Channels, schema: str, axes: str) -> None:
-    """Refuse a file of a version, or with axes, that this package does not know."""
+    """Refuse a file of a version, or with axes, unknown to this package."""
     stored = file.arrays.get("version")
     version = int(np.ravel(stored)[0]) if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1 else 0
     if version != VERSION:

@@ -1,8 +1,7 @@
 """Time columns whose steps vary by more than jitter: two rates, the steps of a solver, rows of other events.
 
-Rows belong to an even clock as long as their times stay near one straight line over the rows, whatever each of them
-jitters: moments that a computer noted late, or printed coarsely, come back to it. Where they do not come back, the mean
-step is the clock of no row.
+Rows belong to an even clock as long as their times stay near one straight line, whatever the jitter of each: times that
+a computer noted late, or printed coarsely, return to it. If they do not return, no row has the mean step as its clock.
 """
 
 from __future__ import annotations
@@ -12,16 +11,16 @@ import numpy as np
 from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 
-_N_PARTS, _PART_ROWS = 64, 64  # parts of a record whose rows show whether the clock wanders, and the rows of each
-_DRIFT_ORDER = 3  # of the polynomial by which two quartz clocks may drift against each other
-_MAX_WANDER = 0.5  # of a sample: further from it for good, rows are not those of an even clock
-_USUAL_STEP = 0.25  # share by which a usual step may be longer or shorter than their median
-_MAX_NAMED = 3  # places that a message names
+_N_PARTS, _PART_ROWS = 64, 64  # parts of a record that show whether the clock wanders, and rows in each
+_DRIFT_ORDER = 3  # order of the polynomial by which two quartz clocks may drift apart
+_MAX_WANDER = 0.5  # [samples] permanent distance above which rows do not belong to an even clock
+_USUAL_STEP = 0.25  # largest relative difference of a usual step from the median
+_MAX_NAMED = 3  # places that a message lists
 
 
 @value(in_sentences=True)
 class UnevenClock:
-    """A time column that no even clock has written.
+    """A time column that does not come from an even clock.
 
     Fields
     ------
@@ -30,7 +29,7 @@ class UnevenClock:
     fs : float
         Sampling frequency of the usual steps [Hz].
     rows : (k,) ndarray of int
-        Rows at which the time begins to leave the usual steps.
+        Rows at which the steps begin to differ from the usual ones.
     """
 
     seconds: np.ndarray
@@ -38,7 +37,7 @@ class UnevenClock:
     rows: np.ndarray
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """Return streams (..., n) at the usual rate, by a cubic spline through their rows; of equal times the last."""
+        """Return streams (..., n) at the usual rate, by a cubic spline through their rows; the last of equal times."""
         from scipy.interpolate import CubicSpline
 
         finite = np.isfinite(self.seconds) & np.isfinite(stream).reshape(-1, self.seconds.size).all(axis=0)
@@ -50,7 +49,7 @@ class UnevenClock:
         return np.asarray(filled)
 
     def describe(self, n_samples: int = 0) -> str:
-        """Describe how the steps vary, and where.
+        """Describe the unequal steps and their places.
 
         >>> t = np.arange(1000) / 100
         >>> found = find_uneven_clock(np.insert(t, 501, 5.004), 100.0)
@@ -67,19 +66,19 @@ class UnevenClock:
 
 
 def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | None:
-    """Return where a time column leaves an even clock for good; None where it does not.
+    """Return the places where a time column leaves an even clock for good; None if it does not.
 
     Parameters
     ----------
     seconds : (n,) ndarray, optional
-        The time of each row [s].
+        Time of each row [s].
     fs : float
-        Sampling frequency by its mean step [Hz]; 0 or nan where it has none.
+        Sampling frequency by its mean step [Hz]; 0 or nan without one.
     """
     if seconds is None or seconds.size < _N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
-    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # where times are printed coarsely
+    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # if printed coarsely
     size = min(n // 2, max(_PART_ROWS, 8 * n_equal))
     starts = np.linspace(0, n - size, _N_PARTS).astype(int)
     rows = starts[:, None] + np.arange(size)

@@ -1,8 +1,8 @@
 """Excitation signals: harmonic grids, multisines, orthogonal sets, crest factor.
 
-axis_experiment  what is played into a running drive: multisine, port, base motion, levels
-crest            peaks: crest factors lowered or drawn low, and what random phases are expected to have
-lines            harmonic grids: excited lines, detection lines, which grid a set of lines is
+axis_experiment  the experiment on a running drive: multisine, port, base motion, levels
+crest            peaks: lower crest factors, and the peaks expected for random phases
+lines            harmonic grids: excited lines, detection lines, and the kind of a grid
 multisine        the design of a random-phase multisine
 orthogonal       several inputs: orthogonal sets of experiments, zippered lines
 """

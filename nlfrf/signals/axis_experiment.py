@@ -1,8 +1,8 @@
-"""What is played into a running drive: a multisine at one of its ports, at rest or over a base motion.
+"""Experiment on a running drive: a multisine at one of its ports, at rest or over a base motion.
 
 An experiment is a sequence of segments. Each holds one amplitude of the multisine and one base velocity for
 `n_discard + n_periods` periods. Amplitude and velocity reach their new value over the first quarter of a period, and
-return to zero over a quarter of a period behind the last segment, so no set point jumps.
+return to zero over a quarter of a period behind the last segment. So no set point jumps.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 
 @value
 class AxisLimits:
-    """What an experiment must not pass, base motion included; infinite where there is no limit.
+    """Limits of an experiment, base motion included; infinite means no limit.
 
     Fields
     ------
     force : float
-        Peak of the force set point, in the unit in which the drive traces it: [N], [Nm] or [A].
+        Peak of the force set point, in the unit of the trace of the drive: [N], [Nm] or [A].
     velocity : float
         Peak of the velocity [m/s] or [rad/s].
     travel : float
@@ -36,7 +36,7 @@ class AxisLimits:
     Raises
     ------
     ValueError
-        A limit that is negative or no number.
+        A limit is negative or no number.
 
     References
     ----------
@@ -60,38 +60,38 @@ class AxisLimits:
 
 @value
 class AxisExperiment:
-    """A multisine for one port of a running drive, its base motion, and what it is expected to do.
+    """A multisine for one port of a running drive, its base motion, and its expected effect.
 
-    Made by `design_experiment` and `design_ramp`, written to play by `nlfrf.save`, simulated by `play_experiment`, and
-    read back from a trace by `load_trace`.
+    `robust.servo.design_experiment` and `robust.servo.design_ramp` make it, `nlfrf.save` writes it as set points to
+    play, `robust.servo.play_experiment` simulates it, and `load_trace` reads its trace.
 
     Fields
     ------
     ms : Multisine
-        What is added at the port, at an amplitude of one in `gains`; M realisations.
+        Signal added at the port, for an amplitude of one in `gains`; M realisations.
     port : str
-        "position", "velocity" or "force": the set point of the drive that it is added to.
+        "position", "velocity" or "force": the set point to which the drive adds it.
     force_response, position_response : (F,) ndarray
-        Complex amplitude of force set point and position that is expected of one unit at the port, on the lines.
+        Expected complex amplitude of force set point and position for one unit at the port, on each line.
     gains : (S,) ndarray
         Amplitude of each segment.
     velocities : (S,) ndarray
         Base velocity of each segment [m/s] or [rad/s].
     n_periods, n_discard : int
-        Periods of each segment that are kept, and periods before them.
+        Number of periods of each segment that are kept, and of those before them.
     position_unit, force_unit : str
         Units of position and force set point.
     peak_force, peak_velocity, travel : float
-        Largest values that are expected, base motion included, in those units.
+        Expected largest values, base motion included, in these units.
     kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
-        The drive that it was designed for: gains [1/s], [A s/m] or [A s/rad], [s], share of the velocity of the set
-        point, time constant and delay of the current loop [s], force constant [N/A] or [Nm/A]; nan where a record was
-        its source.
+        Drive of the design: gains [1/s], [A s/m] or [A s/rad], [s]; share of the velocity of the set point; time
+        constant and delay of the current loop [s]; force constant [N/A] or [Nm/A]; nan if the design was made from a
+        record.
 
     Raises
     ------
     ValueError
-        Arrays that do not fit each other, numbers out of range.
+        Arrays do not fit each other, or a number is out of range.
 
     References
     ----------
@@ -140,17 +140,17 @@ class AxisExperiment:
                 )
         gains, velocities = (require_real_array(one, getattr(self, one), ndim=1) for one in ("gains", "velocities"))
         if gains.shape != velocities.shape or not gains.size:
-            raise ValueError(f"velocities must be one a segment, {gains.size} of them, got {velocities.size}")
+            raise ValueError(f"velocities must be one per segment, {gains.size} of them, got {velocities.size}")
 
     def has_gains(self, kv: float, kp: float, tn: float) -> bool:
-        """Return whether it was designed for these gains [1/s], [A s/m] or [A s/rad], [s]."""
+        """Return whether the experiment was designed for these gains [1/s], [A s/m] or [A s/rad], [s]."""
         return bool(np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0))
 
     @property
     def drive(self) -> str:
-        """What it assumes of the drive that plays it."""
+        """Description of the drive that the experiment assumes."""
         if np.isnan(self.velocity_feedforward):
-            return "the same as in the first record, or as an older file does not say"
+            return "the same as in the first record, or not stated by an older file"
         return (
             f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s, "
             f"velocity_feedforward = {self.velocity_feedforward:g}{'' if self.velocity_feedforward else ' (none)'}; "
@@ -160,7 +160,7 @@ class AxisExperiment:
 
     @property
     def n_segments(self) -> int:
-        """Segments S."""
+        """Number of segments S."""
         return self.gains.size
 
     @property
@@ -170,22 +170,22 @@ class AxisExperiment:
 
     @property
     def n_rows(self) -> int:
-        """Samples from begin to end."""
+        """Samples of the whole experiment."""
         return self.n_segments * self.block + self.ms.n_samples // 4
 
     @property
     def duration(self) -> float:
-        """Time from begin to end [s]."""
+        """Duration of the whole experiment [s]."""
         return self.n_rows / self.ms.fs
 
     @property
     def force_amplitude(self) -> np.ndarray:
-        """(F,) amplitude that is expected of the force set point on each line, at an amplitude of one in `gains`."""
+        """(F,) expected amplitude of the force set point on each line, for an amplitude of one in `gains`."""
         return np.asarray(self.ms.amplitude * np.abs(self.force_response))
 
     @property
     def rms(self) -> float:
-        """Root mean square that is expected of the force set point in the loudest segment."""
+        """Expected rms of the force set point in the segment with the largest amplitude."""
         return float(self.gains.max() * np.sqrt(np.sum(self.force_amplitude**2) / 2))
 
     @property
@@ -196,13 +196,13 @@ class AxisExperiment:
 
     @property
     def excitation(self) -> np.ndarray:
-        """(M, n) what is added at the port."""
+        """(M, n) signal added at the port."""
         gain = stepped_profile(self.gains, self.block, self.ms.n_samples // 4)
         repeats = -(-gain.size // self.ms.n_samples)
         return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
 
     def set_points(self, realization: int) -> dict[str, np.ndarray]:
-        """Return (n,) set points to play, by port; the position, and what the multisine is added to."""
+        """Return the set points (n,) to play, by port: the position, and the port with the multisine."""
         found = {"position": self.base}
         found[self.port] = found.get(self.port, 0.0) + self.excitation[realization]
         return found
@@ -214,12 +214,12 @@ class AxisExperiment:
 
     @property
     def is_ramp(self) -> bool:
-        """Whether its segments are levels, at rest."""
+        """Whether the segments are levels at rest."""
         return self.n_segments > 1 and not np.any(self.velocities)
 
     @property
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Segments that are one record, by its label: each direction, each level of a ramp."""
+        """Segments of each record, by its label: one record per direction, or per level of a ramp."""
         if self.is_ramp:
             return {f"level {s + 1}": (s,) for s in range(self.n_segments)}
         names = {-1: "backward", 0: "at rest", 1: "forward"}
@@ -228,7 +228,7 @@ class AxisExperiment:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What each record of it is called."""
+        """Label of each record."""
         return tuple(self.groups)
 
     def __str__(self) -> str:
@@ -246,7 +246,7 @@ class AxisExperiment:
 
 
 def stepped_profile(levels: np.ndarray, block: int, rise: int) -> np.ndarray:
-    """(n,) levels (S,) held for `block` samples each, reached over `rise` samples, with as many back to zero behind.
+    """Return (n,) levels (S,), held for `block` samples each and reached over `rise` samples, with a return to zero.
 
     >>> stepped_profile(np.array([2.0, -2.0]), 4, 2).round(2)
     array([ 0.29,  1.71,  2.  ,  2.  ,  1.41, -1.41, -2.  , -2.  , -1.71, -0.29])

@@ -1,9 +1,9 @@
-"""Lower crest factors at an unchanged amplitude spectrum, and what they cost.
+"""Lower crest factors at an unchanged amplitude spectrum, and their cost.
 
-The theory of the distortion level is for random phases, and the BLA belongs to their distribution of amplitudes. A
-signal with low peaks has another one, and its peaks tell by how much: of a cubic. On 100 special-odd lines the 95 %
-bound from one record then covers 97 % of the time for the best of a hundred draws (crest factor 2.6) and where clipping
-brought it to 2.0; that of a fifth power 94 % and 40 %.
+The theory of the distortion level is for random phases, and the BLA belongs to their amplitude distribution. A signal
+with low peaks has another distribution; for a cubic its peaks show by how much. On 100 special-odd lines the 95 % bound
+from one record of a cubic then covers 97 % for the best of a hundred draws (crest factor 2.6), and 97 % after clipping
+to 2.0; for a fifth power 94 % and 40 %.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_positive
 from nlfrf.signals.multisine import Multisine, Rng, require_one_input
 
-_FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
-_RANDOM_STREAM = 1  # of the draws, beside the seed
-_MAX_SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M
+_FALSE_ALARM = 1e-5  # probability that random phases have peaks so low that a warning is given
+_RANDOM_STREAM = 1  # random stream of the draws, next to the seed
+_MAX_SHIFT = 1.4  # largest shift of the best draw, in standard deviations, for the bound of one record; over sqrt(M)
 
 
 def reduce_crest(
@@ -32,43 +32,43 @@ def reduce_crest(
     oversampling: int = 4,
     rng: Rng = None,
 ) -> Multisine:
-    """Choose phases that keep the peaks of a multisine low; its amplitude spectrum stays as it is.
+    """Choose phases with low peaks for a multisine; its amplitude spectrum is unchanged.
 
     A lower crest factor puts more power under the same actuator limit. Without a target the best of a few random draws
-    is taken, as few as leave the bound of `identify` nearly what it says: of a steep law, a fifth power, on some fifty
-    lines it holds a new realisation 93 % of the time instead of 95. With a target the signal is clipped in time and
-    its amplitude spectrum put back in frequency, in turn, with the clipping level lowered as it succeeds: those phases
-    are no longer random, and neither the distortion level nor the BLA is that of random phases.
+    is taken, so few that the bound of `identify` still nearly holds: for a steep law, a fifth power, on some fifty
+    lines it holds for a new realisation 93 % of the time instead of 95. With a target the signal is clipped in time and
+    its amplitude spectrum restored in frequency, in turn; the clipping level falls as this succeeds. These phases are
+    no longer random, so neither the distortion level nor the BLA is that of random phases.
 
     Parameters
     ----------
     ms : Multisine
     target : float, optional
-        Crest factor at which a realisation is good enough; it is optimised for. For plants that are nearly linear.
+        Crest factor at which the optimisation stops. Only for nearly linear plants.
     n_draws : int, optional
-        Random draws of which the best is taken for each realisation, without a target. When not given: 7 for one
-        realisation, 3 for two, 2 for seven, as the bias of a choice weighs more where more realisations are averaged.
+        Number of random draws for each realisation, of which the best is taken; without a target only. By default 7 for
+        one realisation, 3 for two, 2 for seven: the bias of a choice matters more if more realisations are averaged.
     n_iterations : int
-        Clipping steps at the most, for each realisation, with a target.
+        Largest number of clipping steps for each realisation, with a target.
     oversampling : int
-        Peaks are judged on a grid this much finer than the samples.
+        Factor by which the grid for the peaks is finer than the samples.
     rng : numpy Generator, int or None
-        Source of the draws, and of fresh starting phases where one start does not reach the target.
+        Source of the draws, and of new starting phases if one start does not reach the target.
 
     Returns
     -------
     Multisine
-        Each realisation with the lowest crest factor that was found, never above the one it had.
+        Each realisation with the lowest crest factor found, never above its own.
 
     Raises
     ------
     ValueError
-        A target that is not positive, draws, iterations or oversampling below one.
+        The target is not positive, or draws, iterations or oversampling are below one.
 
     Warns
     -----
     DataWarning
-        Peaks lower than random phases have them: the bound of a record of it will not hold.
+        The peaks are lower than those of random phases: the bound from a record will not hold.
 
     References
     ----------
@@ -86,7 +86,7 @@ def reduce_crest(
     require_one_input(ms)
     n_fine = require_integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = require_integer("n_iterations", n_iterations, least=1)
-    # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already
+    # not the stream of multisine(rng=same seed), whose draws would repeat the phases of ms
     rng = random_generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, _RANDOM_STREAM])
     if target is None:
         n_draws = (
@@ -97,7 +97,7 @@ def reduce_crest(
         target, starts = (
             require_positive("target", target),
             [_schroeder_phases(ms.amplitude)],
-        )  # for one: it is the same for all
+        )  # for one realisation, because it is the same for all
         phases = [
             _reduce_one_realization(
                 ms, phase, starts=starts, target=target, n_iterations=n_iterations, n_fine=n_fine, rng=rng
@@ -109,8 +109,8 @@ def reduce_crest(
         expected_peaks(found.crest_factor, found.lines.excited, amplitude=found.amplitude, n_samples=found.n_samples)
     ):
         warnings.warn(
-            f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than random phases have it: "
-            "neither the distortion level nor the BLA of a record of it is that of random phases, and the bound of "
+            f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than that of random phases: "
+            "neither the distortion level nor the BLA of a record is then that of random phases, and the bound of "
             "identify will not hold; without a target the best of a few random draws is taken",
             DataWarning,
             stacklevel=2,
@@ -119,11 +119,11 @@ def reduce_crest(
 
 
 def expected_peaks(crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarray, n_samples: int) -> np.ndarray:
-    """Return the (M,) expected number of peaks above `crest` times the rms in a period of random phases.
+    """Return the (M,) expected number of peaks above `crest` times the rms in a period with random phases.
 
-    Rice's rates, of crossings or where they are fewer of its envelope's, never above those of independent samples;
-    half of them where the second half of the period mirrors the first. The largest peak of random phases makes it a
-    number of exponential distribution of mean one, near enough.
+    It is the smallest of Rice's rates of crossings and of crossings of the envelope, and of the rate of independent
+    samples; half of it if the second half of the period is minus the first. For the crest factor of random phases it
+    is, nearly, exponentially distributed with mean one.
     """
     power, k = amplitude * amplitude, lines.astype(float)
     moment = power * k
@@ -138,21 +138,21 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarra
 
 
 def have_low_crest(peaks: np.ndarray) -> bool:
-    """Whether peaks are lower than usual, by how many random phases would expect above them (M,), on average one.
+    """Return whether peaks are lower than usual, from their numbers (M,) expected for random phases, one on average.
 
-    One experiment of random phases in twenty is, beyond two standard deviations of an exponential variable.
+    One experiment with random phases in twenty is: two standard deviations of an exponential variable.
     """
     return bool(np.add.reduce(peaks) >= peaks.size + 2 * peaks.size**0.5)
 
 
 def is_improbable(peaks: np.ndarray) -> bool:
-    """Whether random phases would expect so many peaks (M,) above the largest, which are none, less than by CHANCE.
+    """Return whether random phases have such low peaks with less than _FALSE_ALARM, from expected numbers (M,).
 
     >>> is_improbable(np.array([5.0])), is_improbable(np.array([50.0])), is_improbable(np.full(20, 5.0))
     (False, True, True)
     """
     total, n = float(peaks.sum()), peaks.size
-    if total <= max(n, -math.log(_FALSE_ALARM)):  # n variables are above it more often than one is
+    if total <= max(n, -math.log(_FALSE_ALARM)):  # the bound for one variable already excludes it
         return False
     # the sum of n exponential variables is above s with probability sum_{i < n} s^i exp(-s) / i!
     terms = list(itertools.accumulate((math.log(total / i) for i in range(1, n)), initial=0.0))
@@ -161,7 +161,7 @@ def is_improbable(peaks: np.ndarray) -> bool:
 
 
 def _max_harmless_draws(n_realizations: int) -> int:
-    """Draws of which the best is SHIFT / sqrt(M) standard deviations from the mean, as a normal variable would be.
+    """Return the number of normal draws whose best is _MAX_SHIFT / sqrt(M) standard deviations from the mean.
 
     >>> [_max_harmless_draws(n) for n in (1, 2, 4, 7, 20)]
     [7, 3, 2, 2, 1]
@@ -171,7 +171,7 @@ def _max_harmless_draws(n_realizations: int) -> int:
 
 
 def _best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the phases with the lowest peaks of n draws, the given ones among them."""
+    """Return the phases with the lowest peaks of n draws, including the given ones."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
     return min(draws, key=lambda one: _fine_crest_factor(ms, one, n_fine))
 
@@ -186,7 +186,7 @@ def _reduce_one_realization(
     n_fine: int,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the best phases of one realisation: from its own, from Schroeder's, then from fresh random ones."""
+    """Return the best phases of one realisation: starts are its own, Schroeder's, then new random ones."""
     best, lowest, done, own = phase, _fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
@@ -202,7 +202,7 @@ def _reduce_one_realization(
 def _clip_and_restore(
     ms: Multisine, phase: np.ndarray, *, n_steps: int, n_fine: int, target: float
 ) -> tuple[np.ndarray, float]:
-    """Clip in time, restore the amplitudes in frequency, n_steps times; the best phases on the way."""
+    """Clip in time and restore the amplitudes in frequency, n_steps times; return the best phases."""
     lines, half = ms.lines.excited, n_fine / 2
     best, lowest = phase, np.inf
     for i in range(n_steps):
@@ -221,12 +221,12 @@ def _clip_and_restore(
 
 
 def _fine_crest_factor(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
-    """Crest factor on the finer grid."""
+    """Return the crest factor on the finer grid."""
     return float(np.abs(replace(ms, phase=phase[None]).sampled(n_fine)).max()) / ms.rms
 
 
 def _schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
-    """Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans. Inf. Theory 16, 1970)."""
+    """Return Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans. Inf. Theory 16, 1970)."""
     share = amplitude**2 / np.sum(amplitude**2)
     before = np.cumsum(share) - share
     return np.asarray(-2 * np.pi * np.cumsum(before))

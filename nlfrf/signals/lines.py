@@ -1,9 +1,8 @@
-"""Harmonic grids: which DFT lines are excited and which are left out to detect distortion.
+"""Harmonic grids: the excited DFT lines, and the detection lines, left out to detect distortion.
 
-A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. A nonlinearity that is driven on odd
-lines only answers on odd lines with its odd part and on even lines with its even part; so odd lines that were
-left out of the excitation detect odd distortion, and even lines detect even distortion (Pintelon &
-Schoukens, 4.3).
+A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. If only odd lines are excited, the odd part of a
+nonlinearity acts on odd lines and its even part on even lines. So odd lines without excitation detect odd distortion,
+and even lines detect even distortion (Pintelon & Schoukens, 4.3).
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
-_MAX_LINE = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
-#: Excited residues and their modulus, for the grids that repeat.
+_MAX_LINE = 1 << 28  # a period of half a gigasample; a larger line number is a mistake
+#: Excited residues and their modulus, for the periodic grids.
 _RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
     "full": ((0,), 1),
     "odd": ((1,), 2),
@@ -33,12 +32,14 @@ _RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
 class LineGrid:
     """Excited lines and the detection lines between them.
 
+    A multisine design and a record have one. Make it yourself only for lines that no design gave.
+
     Parameters
     ----------
     excited : (F,) int ndarray
         Excited DFT lines, increasing, at least 1.
     odd, even : (O,), (E,) int ndarray, optional
-        Odd and even detection lines. When not given: every line inside the excited band that is not excited.
+        Odd and even detection lines. By default every other line inside the excited band.
 
     Raises
     ------
@@ -75,19 +76,19 @@ class LineGrid:
 
     @cached_property
     def kind(self) -> str:
-        """The grid these excited lines form: one of `KINDS`."""
+        """Kind of the grid of the excited lines, one of `KINDS`."""
         return recognise_kind(self.excited)
 
 
 def detection_lines(excited: np.ndarray) -> np.ndarray:
-    """Every line between the first and the last excited one that is not excited."""
+    """Return every line between the first and the last excited one that is not excited."""
     if excited[-1] > _MAX_LINE:
         raise ValueError(f"excited must be lines of at most {_MAX_LINE}, got {excited[-1]}")
     return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
 
 
 def _line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
-    """Lines as an increasing int array, or a refusal."""
+    """Return lines as an increasing int array; refuse anything else."""
     array = np.asarray(lines)
     if array.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}")
@@ -102,9 +103,9 @@ def _line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
 
 
 def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) -> LineGrid:
-    """Return the grid of one kind on the lines first..last (both included where the kind excites them).
+    """Return the grid of a kind on the lines first..last (both included if the kind excites them).
 
-    ``random-odd`` leaves one line, drawn by `rng`, out of every four consecutive odd lines.
+    ``random-odd`` leaves out one line, drawn by `rng`, of every four consecutive odd lines.
     """
     if kind == "random-odd":
         odd = np.arange(first + (first + 1) % 2, last + 1, 2)
@@ -119,7 +120,7 @@ def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) ->
 
 
 def recognise_kind(excited: np.ndarray) -> str:
-    """Return the kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
+    """Return the kind of grid of excited lines; "custom" if it is none of the known ones."""
     if excited.size < 2:
         return "custom"
     steps = np.diff(excited)
@@ -131,7 +132,7 @@ def recognise_kind(excited: np.ndarray) -> str:
         return "odd"
     if np.all(steps == 4):
         return "odd-odd"
-    # 8k+1, 8k+3, or the same pattern begun at another odd line: steps of 2 and 6 in turn
+    # 8k+1, 8k+3, or the same pattern from another odd line on: alternate steps of 2 and 6
     if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
         return "special-odd"
     return "random-odd" if _is_special_odd(excited) else "custom"
@@ -142,7 +143,7 @@ def _is_special_odd(excited: np.ndarray) -> bool:
     index = (excited - excited[0]) // 2
     if index[-1] < 8:
         return False
-    for shift in range(4):  # where in a group the first excited line may stand
+    for shift in range(4):  # place of the first excited line in its group
         counts = np.bincount((index + shift) // 4)
         inner, edges = counts[1:-1], counts[[0, -1]]
         if np.all(inner == 3) and np.all(edges <= 4) and np.all(edges >= 1):
@@ -151,9 +152,9 @@ def _is_special_odd(excited: np.ndarray) -> bool:
 
 
 def local_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
+    """Return the mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
     size, half = x.shape[-1], n // 2
-    total = np.empty((*x.shape[:-1], size + 2 * half + 1))  # running sums, held beyond either end
+    total = np.empty((*x.shape[:-1], size + 2 * half + 1))  # running sums, constant beyond either end
     total[..., : half + 1] = 0.0
     end = half + 1 + size
     np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
@@ -163,18 +164,18 @@ def local_mean(x: np.ndarray, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _neighbour_counts(size: int, half: int) -> np.ndarray:
-    """Return (size,) how many entries stand within `half` of each."""
+    """Return (size,) the number of entries within `half` of each."""
     centre = np.arange(size)
     return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
 
 
-# ---- What vectors of random phases have in common by chance.
+# ---- Chance correlation of vectors with random phases.
 
 
 def chance_correlation(chance: float, n: float) -> float:
-    """Return the share of power that unit vectors of n random phases have in common, but for so small a chance.
+    """Return the share of power that unit vectors of n random phases have in common with probability `chance`.
 
-    They have more than c in common with probability (1 - c)^(n - 1).
+    The probability of a share above c is (1 - c)^(n - 1).
 
     >>> round(chance_correlation(0.01, 2), 2), round(chance_correlation(0.01, 100), 3)
     (0.99, 0.045)

@@ -31,7 +31,7 @@ Rng = np.random.Generator | int | None
 
 @value
 class Multisine:
-    """One period of a multisine for one input, in random-phase realisations, or for several, in sets of experiments.
+    """One period of a multisine: realisations with random phases for one input, sets of experiments for several.
 
     Fields
     ------
@@ -40,20 +40,20 @@ class Multisine:
     n_samples : int
         Samples N in one period.
     kind : str
-        The kind of harmonic grid.
+        Kind of the harmonic grid.
     lines : LineGrid
         Excited and detection lines, the same for all inputs.
     amplitude : (F,) or (n_u, F) ndarray
-        Amplitude of the cosine on each excited line, in the unit of the signal; of several inputs before mixing, zero
-        where a zippered line drives another input.
+        Amplitude of the cosine on each excited line, in the unit of the signal. For several inputs before mixing, and
+        zero on a zippered line of another input.
     phase : (M, F) or (n_u, M, F) ndarray
-        Phases [rad], one row per realisation, or of each input in each experiment, before mixing.
+        Phases [rad], one row per realisation, or per input and experiment, before mixing.
     hold : str
-        How it is played between the samples: "zoh" by a converter that holds each, "band-limited" by a generator with
-        a reconstruction filter; "unknown" where nobody said.
+        Signal between the samples: "zoh" for a converter that holds each sample, "band-limited" for a generator with
+        a reconstruction filter; "unknown" otherwise.
     design : str
-        Of several inputs "orthogonal": n_inputs experiments make a set; "zippered": each line drives one input, one
-        experiment is enough.
+        For several inputs "orthogonal": n_inputs experiments make a set; or "zippered": each line drives one input, so
+        one experiment is enough.
     mixing : (n_u, n_u) ndarray, optional
         u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the identity.
 
@@ -69,7 +69,7 @@ class Multisine:
     >>> ms.u.shape, ms.f0, round(ms.rms, 12)
     ((3, 1000), 1.0, 2.0)
 
-    Two inputs: each experiment excites both, the set tells them apart.
+    Two inputs: each experiment excites both, the set separates them.
 
     >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rms=(1.0, 2.0), n_inputs=2, rng=1)
     >>> ms.u.shape, ms.rms.round(12).tolist()
@@ -98,7 +98,7 @@ class Multisine:
         amplitude = require_real_array("amplitude", self.amplitude, ndim=phase.ndim - 1)
         if phase.size == 0 or phase.shape[-1] != n_lines or amplitude.shape != (*phase.shape[:-2], n_lines):
             raise ValueError(
-                f"amplitude and phase must have shapes ({n_lines},) and (M, {n_lines}), of several inputs "
+                f"amplitude and phase must have shapes ({n_lines},) and (M, {n_lines}), for several inputs "
                 f"(n_u, {n_lines}) and (n_u, M, {n_lines}), got {amplitude.shape} and {phase.shape}"
             )
         if np.any(amplitude < 0) or not (amplitude.all() if self.is_single else amplitude.any(axis=1).all()):
@@ -111,7 +111,7 @@ class Multisine:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is for one input, so that its arrays have no axis of inputs."""
+        """Whether the multisine is for one input, so that its arrays have no axis of inputs."""
         return np.ndim(self.phase) == 2
 
     @property
@@ -121,12 +121,12 @@ class Multisine:
 
     @property
     def n_experiments(self) -> int:
-        """Experiments M: realisations of one input; of several n_u times as many as sets of an orthogonal design."""
+        """Experiments M: for one input the realisations; for several inputs n_u per set of an orthogonal design."""
         return self.phase.shape[-2]
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M of one input; of several the sets R of experiments, each of which gives the whole matrix."""
+        """Realisations M for one input; for several inputs the sets R of experiments, each gives the matrix."""
         return self.n_experiments // (self.n_inputs if self.design == "orthogonal" else 1)
 
     @property
@@ -141,14 +141,14 @@ class Multisine:
 
     @property
     def rms(self) -> ArrayField:
-        """Root mean square of one period, the same for every realisation; of several inputs (n_u,), over a set."""
+        """Root mean square of one period, equal for all realisations; for several inputs (n_u,), over a set."""
         power = np.sum(self.amplitude**2, axis=-1) / 2
         found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)
         return float(found) if self.is_single else found
 
     @property
     def u(self) -> np.ndarray:
-        """(M, N) one period of each realisation, or (n_u, M, N) of each input in each experiment."""
+        """(M, N) one period of each realisation, or (n_u, M, N) of each input and experiment."""
         return self.sampled(self.n_samples)
 
     @property
@@ -163,14 +163,14 @@ class Multisine:
         return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """Return (M, n_samples) or (n_u, M, n_samples) the same period sampled more densely: the signal itself."""
+        """Return (M, n_samples) or (n_u, M, n_samples) the same period with another number of samples."""
         spectrum = np.zeros((*self.phase.shape[:-1], n_samples // 2 + 1), dtype=complex)
         spectrum[..., self.lines.excited] = self.spectrum * (n_samples / 2)
         return np.fft.irfft(spectrum, n_samples, axis=-1)
 
 
 def require_one_input(ms: object) -> Multisine:
-    """Return a multisine for one input, or a refusal of anything else."""
+    """Return a multisine for one input; refuse anything else."""
     require_kind("ms", ms, Multisine)
     assert isinstance(ms, Multisine)
     if not ms.is_single:
@@ -199,14 +199,15 @@ def multisine(
 ) -> Multisine:
     """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
 
+    Use the default grid, "special-odd", unless a reason below speaks for another one.
+
     Parameters
     ----------
     kind : str
-        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level, with detection lines
-        that under-read by at most 4.8 dB, a factor that is corrected for. "random-odd" (one of four odd lines
-        left out at random): detection lines that need no correction. "odd-odd" (4k+1): detection lines
-        under-read without limit around a resonance. "odd", "full": no odd detection lines. "custom": the
-        lines given.
+        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level; detection lines underestimate it
+        by at most 4.8 dB, which is corrected. "random-odd" (one of four odd lines left out at random): detection lines
+        need no correction. "odd-odd" (4k+1): detection lines underestimate without limit around a resonance. "odd",
+        "full": no odd detection lines. "custom": the given lines.
     fs : float
         Sampling frequency [Hz].
     n_samples : int
@@ -214,30 +215,30 @@ def multisine(
     f_min, f_max : float
         Band [Hz]; lines inside it, both ends included, are used.
     rms : float, or (n_u,) ndarray
-        Root mean square of the signal, in its own unit; exact. One for all inputs, or one an input.
+        Root mean square of the signal, in its own unit; exact. One for all inputs, or one per input.
     amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
         Relative amplitude spectrum, scaled to `rms`; flat when not given.
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
     n_log : int, optional
-        Keep about this many lines of the grid, spaced logarithmically: for a band of several decades.
+        Keep about this number of lines, spaced logarithmically: for a band over several decades.
     n_realizations : int
-        Realisations M, with independent phases on the same grid; of several inputs the sets R of experiments.
+        Realisations M, with independent phases on the same grid; for several inputs the sets R of experiments.
     n_inputs : int
         Inputs n_u of the plant.
     design : str
-        "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
-        experiment, in which each line drives one input; on a random-odd grid.
+        "orthogonal": n_u experiments make a set, and each excites all inputs on all lines. "zippered": one experiment,
+        in which each line drives one input; on a random-odd grid.
     mixing : (n_u, n_u) ndarray, optional
-        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 of a first measurement where the plant is ill
+        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 from a first measurement if the plant is ill
         conditioned. `rms` is that of the signals before mixing.
     n_draws : int
-        Draw the phases of several inputs this often, keep the set with the lowest worst crest factor.
+        Number of draws of the phases of several inputs; the set with the lowest worst crest factor is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
-        "zoh" where a converter holds each sample, "band-limited" where a filter reconstructs the signal itself; it goes
-        along to the record that is made with this design.
+        "zoh" if a converter holds each sample, "band-limited" if a filter reconstructs the signal; a record made with
+        this design inherits it.
 
     Returns
     -------
@@ -246,7 +247,7 @@ def multisine(
     Raises
     ------
     ValueError
-        A band without lines or beyond Nyquist, an amplitude that does not fit, numbers out of range; a zippered
+        A band without lines or beyond Nyquist; an amplitude that does not fit; a number out of range; a zippered
         special-odd grid, which cannot be calibrated.
 
     References
@@ -306,7 +307,7 @@ def multisine(
 def _grid_in_band(
     kind: str, lines: LineGrid | np.ndarray | None, *, first: int, last: int, rng: np.random.Generator
 ) -> LineGrid:
-    """Return the grid of a kind from the first to the last line of the band, or the one that was given."""
+    """Return the grid of a kind from the first to the last line of the band, or the given one."""
     if kind == "custom":
         if lines is None:
             raise ValueError("lines must be given for a custom grid, got None")
@@ -337,7 +338,7 @@ def _thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
 
 
 def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tuple[int, int]:
-    """First and last line of the band f_min..f_max, tolerant of rounding in the frequencies."""
+    """Return the first and last line of the band f_min..f_max, with a tolerance for rounding of the frequencies."""
     f0 = fs / n_samples
     if f_max < f_min:
         raise ValueError(f"f_max must be at least f_min = {f_min:g} Hz, got {f_max:g} Hz")
@@ -354,7 +355,7 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
 
 
 def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
-    """Return the (F,) relative amplitudes of one input at the frequencies f."""
+    """Return the (F,) relative amplitudes of one input at frequencies f [Hz]."""
     shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
         raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {short_form(amplitude)}")

@@ -1,10 +1,10 @@
-"""Multisines for several inputs at once: orthogonal sets of experiments, or one experiment whose lines are shared out.
+"""Multisines for several inputs at once: orthogonal sets of experiments, or one experiment with divided lines.
 
     U_ie(k) = A_i(k) exp(j phi_i(k)) T_ie exp(j psi_e(k)),    T T^H = n_u I,  |T_ie| = 1
 
-With phi and psi random over lines, inputs, experiments and sets every experiment has independent phases in every
-channel, so that what holds for one random-phase multisine (the BLA, the grids, detection lines) holds for each of
-them, while U U^H = n_u diag(A_i^2) exactly (Dobrowiecki & Schoukens 2007). Zippered: each line drives one input only.
+phi and psi are random over lines, inputs, experiments and sets. So every experiment has independent phases in every
+channel, and the results for one random-phase multisine (the BLA, the grids, detection lines) hold for each of them,
+while U U^H = n_u diag(A_i^2) exactly (Dobrowiecki & Schoukens 2007). Zippered: each line drives one input only.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ DESIGNS = ("orthogonal", "zippered")
 
 
 def draw_phases(shape: tuple[int, int], n_realizations: int, *, design: str, rng: np.random.Generator) -> np.ndarray:
-    """Return the (M, F) phases of one input, or (n_u, M, F) of several in all experiments; `shape` is (n_u, F)."""
+    """Return phases (M, F) for one input, or (n_u, M, F) for several in all experiments; `shape` is (n_u, F)."""
     n_inputs, n_lines = shape
     if n_inputs == 1:
         return rng.uniform(0, 2 * np.pi, size=(n_realizations, n_lines))
@@ -35,18 +35,18 @@ def _set_phases(n_inputs: int, n_lines: int, *, design: str, rng: np.random.Gene
 
 
 def assign_lines(kind: str, grid: LineGrid, *, n_inputs: int, rng: np.random.Generator) -> np.ndarray:
-    """(n_u, F) one where a zippered line drives the input: every input once in every n_u excited lines, at random.
+    """Return (n_u, F) ones on the lines of each zippered input: one line in every n_u excited lines, at random.
 
-    On a grid that repeats, what u1^3 sends to the detection lines would never be what it sends to its own lines.
+    On a periodic grid the power that u1^3 puts on detection lines is never that on its own lines.
     """
     if kind in ("special-odd", "odd-odd"):
         raise ValueError(
-            f'kind must be "random-odd" for a zippered design, got {kind!r}: its detection lines would cover '
-            "61 to 78 % where 95 % is said"
+            f'kind must be "random-odd" for a zippered design, got {kind!r}: with its detection lines a 95 % bound '
+            "would hold for 61 to 78 %"
         )
     n_lines = grid.excited.size
     if n_lines < 2 * n_inputs:
-        raise ValueError(f"f_min and f_max must hold at least two lines an input, {2 * n_inputs}, got {n_lines}")
+        raise ValueError(f"f_min and f_max must hold at least two lines per input, {2 * n_inputs}, got {n_lines}")
     rounds = -(-n_lines // n_inputs)
     owner = np.concatenate([rng.permutation(n_inputs) for _ in range(rounds)])[:n_lines]
     return (owner == np.arange(n_inputs)[:, None]).astype(float)
@@ -58,7 +58,7 @@ def dft_matrix(n: int) -> np.ndarray:
 
 
 def check_mixing(mixing: np.ndarray, n_inputs: int) -> None:
-    """Refuse a mixing that leaves some direction without input."""
+    """Refuse a mixing that leaves a direction without input."""
     if mixing.shape != (n_inputs, n_inputs):
         raise ValueError(f"mixing must have shape ({n_inputs}, {n_inputs}), got {mixing.shape}")
     sizes = np.linalg.svd(mixing, compute_uv=False)

@@ -120,12 +120,12 @@ def test_a_set_point_of_motion_in_place_of_the_force(run, u):
 def test_the_position_set_point_in_place_of_the_force_without_units(at_rest, in_motion):
     with pytest.raises(ValueError, match="u must be measured in the loop, got the multisine that was played"):
         at_rest.read(u="position set point", names=without_units(at_rest))
-    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
         in_motion.read(u="position set point", names=without_units(in_motion))
 
 
 def test_the_velocity_set_point_in_place_of_the_force_without_units(run):
-    with pytest.warns(DataWarning, match="u is .* times what the design expects, .* is it another signal"):
+    with pytest.warns(DataWarning, match="u is .* times the expected size, .* is it another signal"):
         run.read(u="velocity set point", names=without_units(run))
 
 
@@ -135,22 +135,22 @@ def test_the_position_set_point_in_place_of_the_position(run):
 
 
 def test_the_velocity_in_place_of_the_position(at_rest, in_motion):
-    with pytest.warns(DataWarning, match="y is .* times what the design expects, turned by [78]. deg"):
+    with pytest.warns(DataWarning, match="y is .* times the expected size, turned by [78]. deg"):
         at_rest.read(y="velocity")
-    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got .*e-"):
+    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got .*e-"):
         in_motion.read(y="velocity")
 
 
 def test_a_wrong_sign(run):
-    with pytest.warns(DataWarning, match="u has the other sign than the design expects"):
+    with pytest.warns(DataWarning, match="u has the opposite sign of the design"):
         run.read(change={FORCE: -1})
 
 
 def test_a_wrong_sign_of_the_position(at_rest, in_motion):
-    with pytest.warns(DataWarning, match="y has the other sign than the design expects"):
+    with pytest.warns(DataWarning, match="y has the opposite sign of the design"):
         at_rest.read(change={POSITION: -1})
     with pytest.raises(
-        ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got -0\.15: turn its sign"
+        ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got -0\.15: turn its sign"
     ):
         in_motion.read(change={POSITION: -1})
 
@@ -175,7 +175,7 @@ def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amp
     with pytest.warns(DataWarning) as seen:
         records = load_trace(tmp_path / "trace.csv", tmp_path / "design.npz")
     texts = [str(one.message) for one in seen]
-    found = [re.match(r"([uy]) is (\S+) times what the design expects", text) for text in texts]
+    found = [re.match(r"([uy]) is (\S+) times the expected size", text) for text in texts]
     z = np.exp(2j * np.pi * experiment.ms.f[-(experiment.ms.f.size // 3) :] / ROUGH.drive.fs)
     true = np.median(np.abs(ROUGH.drive.kv / (ROUGH.drive.kv + (1 - 1 / z) * ROUGH.drive.fs)))  # of what feeds the PI
     assert [one[1] for one in found] == ["u", "y"]
@@ -201,18 +201,18 @@ def test_a_wrong_unit_factor(at_rest, in_motion):
         at_rest.read(u="current set point", names=without_units(at_rest))
     with pytest.warns(DataWarning, match=r"y is 1.*e\+03 times .* in another unit than m"):
         at_rest.read(change={POSITION: 1e3})
-    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got 150: is y"):
+    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got 150: is y"):
         in_motion.read(change={POSITION: 1e3})
 
 
 def test_a_wrong_period_or_another_file(run):
     band = {"fs": 4000, "f_min": 10, "f_max": 250}
     other = replace(run.experiment, ms=design_experiment(ROUGH, nlfrf.multisine(n_samples=N, rng=2, **band), rms=30).ms)
-    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
         run.read(experiment=other)
     motion = {"base_velocity": 0.15, "strokes": 1} if np.any(run.experiment.velocities) else {}
     longer = design_experiment(ROUGH, nlfrf.multisine(n_samples=N + 200, rng=1, **band), rms=30, **motion)
-    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
         run.read(experiment=longer)
 
 
@@ -231,7 +231,7 @@ def test_a_design_at_rest_and_a_trace_in_motion(at_rest, in_motion):
 def test_a_wrong_clock(run):
     """The time column is doubled: 2 kHz, of which half a period of the drive is one of the record."""
     with (
-        pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"),
+        pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"),
         pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
     ):
         run.read(change={"t [s]": 2})
@@ -272,7 +272,7 @@ def test_a_trace_that_begins_long_before(at_rest):
     table = at_rest.table[rows]
     table[:, 0] = np.arange(rows.size) / 4000
     write_table(at_rest.folder / "early.csv", table, at_rest.names)
-    with pytest.raises(ValueError, match="path must begin with what was played, or start say when it begins"):
+    with pytest.raises(ValueError, match="path must begin with the played signal, or start must give its begin"):
         load_trace(at_rest.folder / "early.csv", at_rest.experiment)
     (record,) = load_trace(at_rest.folder / "early.csv", at_rest.experiment, start=3 * N / 4000)
     assert np.array_equal(record.u, at_rest.read()[0].u)
@@ -314,7 +314,7 @@ def test_an_axis_that_turns_back_in_motion(tmp_path):
 
 
 def test_other_designs_are_sent_where_they_belong(at_rest):
-    with pytest.raises(ValueError, match=r"got an experiment on a drive in .*: take load_trace"):
+    with pytest.raises(ValueError, match=r"got an experiment on a drive in .*: use load_trace"):
         nlfrf.load_record(
             at_rest.folder / "trace.csv", u="force set point", y="position", design=at_rest.folder / "play.npz"
         )

@@ -89,7 +89,7 @@ def test_a_generator_plays_the_samples_and_the_design_lies_beside(suffix, tmp_pa
     path = tmp_path / f"ms{suffix}"
     nlfrf.save(ms, path)
     same(nlfrf.load(tmp_path / "ms.npz"), ms)
-    with pytest.raises(ValueError, match=r"what was played may have its design in ms\.npz"):
+    with pytest.raises(ValueError, match=r"the design of a played signal may be in ms\.npz"):
         nlfrf.load(path)
     if suffix == ".csv":
         played = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:].T
@@ -216,7 +216,7 @@ def test_names_that_are_not_there_are_answered_with_those_that_are(tmp_path):
     with pytest.raises(ValueError, match=r"u must name a signal of 'm.npz', one of angle, current; got 'force'"):
         nlfrf.load_record(tmp_path / "m.npz", u="force", y="angle")
     np.savez(tmp_path / "n.npz", u=np.arange(9.0), y=np.arange(9.0))
-    with pytest.raises(ValueError, match=r"fs must be given: 'n.npz' holds neither fs nor a time channel"):
+    with pytest.raises(ValueError, match=r"fs must be given: 'n.npz' has neither fs nor a time channel"):
         nlfrf.load_record(tmp_path / "n.npz")
 
 
@@ -365,11 +365,11 @@ def test_a_clock_without_a_unit_is_not_guessed(record, tmp_path):
 def test_a_sampling_frequency_that_is_not_that_of_the_file_is_warned_of(record, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     columns(tmp_path / "m.csv", "time [s],u,y", np.arange(u.size) / 2000, u, y)
-    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 1000 Hz, but by the time channel .* it is 2000 Hz"):
+    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 1000 Hz, but the time channel .* gives 2000 Hz"):
         assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=1000).fs == 1000
     assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=2000).fs == 2000
     np.savez(tmp_path / "m.npz", u=u, y=y, fs=512.0)
-    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 500 Hz, but by fs of 'm.npz' it is 512 Hz"):
+    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 500 Hz, but fs of 'm.npz' gives 512 Hz"):
         nlfrf.load_record(tmp_path / "m.npz", n_samples=512, fs=500)
 
 
@@ -442,7 +442,7 @@ def test_what_is_asked_of_a_stored_record_is_done_or_refused(record, tmp_path):
 
 def test_an_output_that_is_the_input_is_told(record, tmp_path):
     np.savez(tmp_path / "m.npz", u=record.u.reshape(-1), y=record.y.reshape(-1), fs=512.0)
-    with pytest.warns(nlfrf.DataWarning, match="y names the input itself, 'u': G is 1 whatever was measured"):
+    with pytest.warns(nlfrf.DataWarning, match="y names the input itself, 'u': G is 1 in any case"):
         nlfrf.load_record(tmp_path / "m.npz", y="u", n_samples=512)
     with pytest.raises(ValueError, match=r"y must name different outputs, got \['y', 'y'\]"):
         nlfrf.load_record(tmp_path / "m.npz", y=["y", "y"])
@@ -453,7 +453,7 @@ def test_of_channels_with_one_name_the_one_that_is_taken_is_told(tmp_path):
     table = np.stack([np.arange(u.size) / 100, u, 2 * u, 5 * u], axis=1)
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t [s],u,y,y", comments="")
     with pytest.warns(
-        nlfrf.DataWarning, match=r"has 'y' beside 'y\.4', as channels of one name are told apart: y is 'y', the first"
+        nlfrf.DataWarning, match=r"has 'y' beside 'y\.4', numbered because their names are equal: y is 'y', the first"
     ):
         record = nlfrf.load_record(tmp_path / "run.csv")
     np.testing.assert_allclose(record.y, 2 * record.u)

@@ -207,7 +207,7 @@ def test_names_are_parsed_whole(name, tmp_path):
 def test_names_that_are_not_understood_are_refused_with_the_option(header, columns, why, tmp_path):
     path = write(tmp_path / "bode.csv", table(header, F, *columns))
     with pytest.raises(
-        ValueError, match=rf"^columns must say what those of 'bode.csv' are: {why}.*; as in '(f|mag|G)="
+        ValueError, match=rf"^columns must describe those of 'bode.csv': {why}.*; as in '(f|mag|G)="
     ):
         nlfrf.io.load_frf(path, relative_std=0.02)
     assert "--columns COLUMNS" in nlfrf.inspect_file(path).command
@@ -262,13 +262,13 @@ def test_other_columns_are_left_out_with_a_word(tmp_path):
     names = "f,Gain (dB),Phase (deg),Temp (°C),Phase error (deg)"
     path = write(tmp_path / "bode.csv", table(names, F, DB, WRAPPED, 21 + 0 * F, 0.1 + 0 * F))
     with pytest.warns(
-        nlfrf.DataWarning, match=r"left out as no part of the FRF in 'bode.csv': 'Temp .*', 'Phase error"
+        nlfrf.DataWarning, match=r"left out, because not part of the FRF in 'bode.csv': 'Temp .*', 'Phase error"
     ):
         bla = nlfrf.io.load_frf(path, relative_std=0.02)
     np.testing.assert_allclose(bla.G, G, rtol=1e-6)
-    assert "not of it: 'Temp (°C)', 'Phase error (deg)'" in nlfrf.inspect_file(path).frf
+    assert "not part of it: 'Temp (°C)', 'Phase error (deg)'" in nlfrf.inspect_file(path).frf
     path = write(tmp_path / "named.csv", table("f,Plant gain (dB),Plant phase (deg)", F, DB, WRAPPED))
-    with pytest.warns(nlfrf.DataWarning, match=r"'Plant' in .* is taken for what was measured"):
+    with pytest.warns(nlfrf.DataWarning, match=r"'Plant' in .* is taken as the measured quantity"):
         assert nlfrf.io.load_frf(path, relative_std=0.02).f.size == F.size
 
 
@@ -282,7 +282,7 @@ def test_other_columns_are_left_out_with_a_word(tmp_path):
     ],
 )
 def test_what_is_no_frf_is_refused_with_the_columns(text, tmp_path):
-    with pytest.raises(ValueError, match=r"path must hold an FRF, by name: .*call the columns as in 'f \[Hz\],gain"):
+    with pytest.raises(ValueError, match=r"path must hold an FRF, by name: .*name the columns as in 'f \[Hz\],gain"):
         nlfrf.io.load_frf(write(tmp_path / "bode.csv", text), relative_std=0.02)
 
 
@@ -414,7 +414,7 @@ def test_files_of_potentiostats_and_loudspeakers(tmp_path):
         f"\t{k}\t{f:.9g}\t{g.real:.9g}\t{g.imag:.9g}\t1\n" for k, (f, g) in enumerate(zip(F, G, strict=True))
     )
     for name, text in (("a.z", head + rows), ("b.DTA", gamry)):
-        with pytest.warns(nlfrf.DataWarning, match="left out as no part of the FRF"):
+        with pytest.warns(nlfrf.DataWarning, match="left out, because not part of the FRF"):
             bla = nlfrf.io.load_frf(write(tmp_path / name, text), relative_std=0.02)
         np.testing.assert_allclose(bla.G, G, rtol=1e-7)
     text = "".join(f"{f:.9g} {x:.9g} {y:.9g}\n" for f, x, y in zip(F, DB, WRAPPED, strict=True))
@@ -443,7 +443,7 @@ def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # no
     write(tmp_path / "bode.csv", TABLES["Keysight"])
     code, out, _ = nlfrf_command("inspect", "bode.csv")
     assert code == 0
-    assert "needs: the file holds no coherence, and a swept sine shows no distortion" in unwrapped(out)
+    assert "needs: the file has no coherence, and a swept sine shows no distortion" in unwrapped(out)
     command = shlex.split(out.splitlines()[-1].removeprefix("run:   robust "))
     assert "--relative-std" in command
     given = {"RELATIVE-STD": "0.02"}
@@ -453,7 +453,7 @@ def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # no
     assert (tmp_path / "bode-model.json").exists()
     code, _, err = robust_command("model bode.csv --poles 2 -o other.json")
     assert code == 2
-    assert err.startswith("robust: --relative-std must be given: the file holds no coherence")
+    assert err.startswith("robust: --relative-std must be given: the file has no coherence")
     for refused in ("orders bode.csv", "design bode.csv --method pid -o K.json"):
         code, _, err = robust_command(refused)
         assert code == 2

@@ -29,7 +29,7 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
     assert str(found).splitlines()[-1] == f"run:   {found.command}"
     assert "--input force --output position --hold unknown -o 'my run-bla.npz'" in found.command
-    assert "hold: zoh where the input is a command, band-limited where it was measured" in unwrapped(found)
+    assert "hold: zoh if the input is a command, band-limited if it was measured" in unwrapped(found)
 
 
 def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):

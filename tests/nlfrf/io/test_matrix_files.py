@@ -92,7 +92,7 @@ def test_a_table_has_every_entry(frm, tmp_path):
 def test_channels_of_several_lengths_are_named(tmp_path):
     u = np.random.default_rng(0).standard_normal((2, 400))
     np.savez(tmp_path / "m.npz", a=u[0], b=u[1, :300], y=u[1], fs=100.0)
-    with pytest.raises(ValueError, match=r"u must be channels of one length, got 400 samples in 'a' and 300 in 'b'"):
+    with pytest.raises(ValueError, match=r"u must be channels of equal length, got 400 samples in 'a' and 300 in 'b'"):
         nlfrf.load_record(tmp_path / "m.npz", u=["a", "b"], y=["y"])
     ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
     nlfrf.save(nlfrf.Record(u=ms.u[None], y=ms.u[None] ** 3, fs=100, lines=ms.lines), tmp_path / "r.npz")

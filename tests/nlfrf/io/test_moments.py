@@ -196,5 +196,5 @@ def test_the_moments_at_which_waveforms_began(tmp_path):
 
 
 def test_time_columns_without_a_moment_in_common(tmp_path):
-    with pytest.warns(nlfrf.DataWarning, match=r"'u' and 'y' in 'run.csv' have no moment in common: their clocks"):
+    with pytest.warns(nlfrf.DataWarning, match=r"'u' and 'y' in 'run.csv' have no moment in common: the clocks"):
         nlfrf.load_record(table(tmp_path, 1e5))

@@ -102,7 +102,7 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
             load(path, **asked)
         return str(error.value)
 
-    assert "u must be the inputs of the record, Kraft, x [N], µ/2, all of them" in refusal(u=["µ/2"], y=["x"])
+    assert "u must be all inputs of the record, Kraft, x [N], µ/2" in refusal(u=["µ/2"], y=["x"])
     assert "y must be outputs of the record, x, a \"b\", z, got 'w'" in refusal(y=["w"])
     assert "r must be left out" in refusal(r=["x"])
     assert "n_samples must be that of the record, 256, got 128" in refusal(n_samples=128)

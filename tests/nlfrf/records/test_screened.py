@@ -113,7 +113,7 @@ def test_a_file_is_drawn_with_all_its_channels(tmp_path):
     assert own.labels == found.labels
     assert np.allclose(own.samples, found.samples)
     nlfrf.save(nlfrf.identify(record), tmp_path / "bla.npz")
-    with pytest.raises(ValueError, match=r"plot must be of a record, got .*nlfrf-bla is drawn by nlfrf plot"):
+    with pytest.raises(ValueError, match=r"plot must show a record, got .*nlfrf plot draws nlfrf-bla"):
         screen_file(tmp_path / "bla.npz", nlfrf.inspect_file(tmp_path / "bla.npz"))
 
 
@@ -126,5 +126,5 @@ def test_a_table_of_an_frf_is_no_record(tmp_path):
         header="Frequency (Hz),Gain (dB),Phase (deg)",
         comments="",
     )
-    with pytest.raises(ValueError, match="plot must be of a record"):
+    with pytest.raises(ValueError, match="plot must show a record"):
         screen_file(path, nlfrf.inspect_file(path))

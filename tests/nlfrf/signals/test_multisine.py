@@ -92,7 +92,7 @@ def test_crest_factor_falls_at_the_same_amplitude_spectrum(kind):
     f_max = {"full": 100, "odd": 200, "odd-odd": 400, "special-odd": 400, "random-odd": 266}[kind]
     ms = multisine(kind, fs=2048, n_samples=2048, f_min=1, f_max=f_max, n_realizations=2, rng=1)
     assert 98 <= ms.f.size <= 102
-    with pytest.warns(DataWarning, match="lower than random phases have it"):
+    with pytest.warns(DataWarning, match="lower than that of random phases"):
         better = reduce_crest(ms, target=1.7, rng=1)
     assert better.crest_factor.max() <= 1.7
     assert ms.crest_factor.min() > 2.5

@@ -152,7 +152,7 @@ def test_what_cannot_be_read_is_refused_with_the_cure(tmp_path):
         r"y must be finite, got 75 nan .*fill the gaps and give the arrays to record_from_samples",
     )
     refused(tmp_path, "e.csv", ["t,u,y", *rows(T, ["on"] * U.size, Y)], "got 'u'; 'u' holds texts")
-    refused(tmp_path, "f.csv", ["u,y", *rows(U, Y)], "fs must be given: 'f.csv' holds neither fs nor a time channel")
+    refused(tmp_path, "f.csv", ["u,y", *rows(U, Y)], "fs must be given: 'f.csv' has neither fs nor a time channel")
     refused(tmp_path, "g.lvm", lvm() + lvm()[8:], "holds 2 measurements, one behind the other")
     ragged = ["t,u,y", *TUY[:500], "0.5,0.1,0.2,0.3", *TUY[501:]]
     refused(tmp_path, "h.csv", ragged, r"must be a readable \.csv file, got 'h.csv': .*Expected 3 fields in line 502")

@@ -242,7 +242,7 @@ def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
     assert record.u.shape == (3, 2, 1000)
     assert np.allclose(record.r[:, 0], experiment.ms.u)
     assert np.allclose(identify(record).G, plant_frf(axis, experiment.ms.f), rtol=1e-4)
-    with pytest.raises(ValueError, match="path must be one trace a realisation, 3, got 1"):
+    with pytest.raises(ValueError, match="path must be one trace per realisation, 3, got 1"):
         load_trace(tmp_path / "trace-1.csv", experiment)
     with pytest.raises(ValueError, match="follows realisation"):
         load_trace([tmp_path / f"trace-{m}.csv" for m in (1, 1, 2)], experiment)
