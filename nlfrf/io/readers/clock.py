@@ -10,37 +10,37 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
-#: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
+#: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio [1]" has a unit.
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
-NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which channels of one name differ
+NUMBER_SUFFIX = re.compile(r"\.\d+$")  # number that distinguishes channels with one name
 #: A rate in samples a second, as "kS/s", "Sa/s", "MSPS", "samples per second".
 _RATE_UNIT = re.compile(r"([kMGm]?)\s*(?:s(?:a|amples?)?(?:/| per )s(?:ec|econd)?|sps)", re.I)
 _TIME_WORDS = (
     r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date[ _]?time|date|datum|"
     r"x[._ ]data|x[._ -]?axis|x_value"
 )
-#: A time channel, with its unit behind an underscore where it is written so: "t", "time_ms", "Elapsed time".
+#: A time channel, possibly with its unit behind an underscore: "t", "time_ms", "Elapsed time".
 _TIME_NAME = re.compile(
     rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{_TIME_WORDS})(?:[ _]([a-zµμ]+))?", re.I
 )
-#: What a sampling frequency, and what a sampling time is called: as a variable, and in a preamble.
+#: Names of a sampling frequency and of a sampling time, as variables and in a preamble.
 RATE_WORDS = r"sampl(?:e[drs]?|ing)?[ _]?(?:rate|freq\w*)|abtastrate|fs|f[ _]?sample"
 STEP_WORDS = (
     r"sampl(?:e[drs]?|ing)?[ _]?(?:time[ _]?)?(?:interval|time|period)|t[ _]?sample|cycle[ _]?time|"
     r"abtastzeit|zykluszeit|delta[ _]?[tx]|[tx][ _]?incr?(?:ement)?|dt|ts"
 )
 RATE_NAME, STEP_NAME = re.compile(RATE_WORDS, re.I), re.compile(rf"{STEP_WORDS}|increment", re.I)
-_MAX_BACKWARD_STEP = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
-#: Median deviation of the steps from the usual one, relative to it. That of a clock whose moments jitter by a tenth of
-#: a step (rms) is 0.095; that of an angle that is the sum of the magnitudes of a multisine is 0.48.
+_MAX_BACKWARD_STEP = 0.5  # share of a step by which a time axis may run backwards, as times noted by a computer do
+#: Largest median deviation of the steps from the usual one, relative to it. A clock with a jitter of a tenth of a step
+#: (rms) has 0.095; an angle that is the sum of the magnitudes of a multisine has 0.48.
 _MAX_UNEVEN_STEP = 0.25
-MIN_DURATION = 1.0  # seconds from which a "sampling time" may be how long was sampled
-#: How far a time axis of uneven steps may be from a clock of three digits that is believed instead.
+MIN_DURATION = 1.0  # [s] above which a "sampling time" may be the duration of the record
+#: Largest relative difference of a time axis with unequal steps from a clock with three digits, which replaces it.
 _CLOCK_TOLERANCE = 2e-4
 
 
 def is_time_name(name: str) -> bool:
-    """Return whether the name of a channel is that of a time: "t", "time [ms]", "run.time_ms", "Zeit (s)".
+    """Return whether a channel has the name of a time: "t", "time [ms]", "run.time_ms", "Zeit (s)".
 
     >>> [is_time_name(name) for name in ("t", "run.Time_ms", "Elapsed Time (s)", "time_constant", "output")]
     [True, True, True, False, False]
@@ -53,7 +53,7 @@ def is_time_name(name: str) -> bool:
 
 
 def unit_in_name(name: str) -> str | None:
-    """Return the unit in a name, in brackets or, of a time, after an underscore; None where there is none.
+    """Return the unit in a name, in brackets or, for a time, behind an underscore; None if there is none.
 
     >>> [unit_in_name(name) for name in ("force [N]", "U(mV)", "V(in)", "speed (ref)", "I(R1)", "time (ticks)", "t_ms")]
     ['N', 'mV', None, None, None, 'ticks', 'ms']
@@ -67,7 +67,7 @@ def unit_in_name(name: str) -> str | None:
 
 
 def split_clock_name(name: str) -> tuple[str, str]:
-    """Split a name of a sampling time or frequency into its key, as in `STEP_NAME` and `RATE_NAME`, and its unit.
+    """Split the name of a sampling time or frequency into its key, for `STEP_NAME` and `RATE_NAME`, and its unit.
 
     >>> [split_clock_name(name) for name in ("Sampling_Time_us", "Ts", "fs_kHz", "offset_s")]
     [('samplingtime', 'us'), ('ts', ''), ('fs', 'kHz'), ('offset', 's')]
@@ -79,13 +79,13 @@ def split_clock_name(name: str) -> tuple[str, str]:
 
 
 def seconds_per_unit(unit: str) -> float | None:
-    """Return the seconds in a unit of time, in one second without a unit; None where it is not known."""
+    """Return the seconds in a unit of time, 1 without a unit; None if it is unknown."""
     found = parse_unit(unit) if suits("time", parse_unit(unit)) else parse_unit(unit.lower())
     return found.factor if found and suits("time", found) else None if unit.strip() else 1.0
 
 
 def hertz_per_unit(unit: str) -> float | None:
-    """Return the hertz in a unit of a sampling frequency, None where it is not known, or mHz: that may be either.
+    """Return the hertz in a unit of a sampling frequency; None if it is unknown, or mHz, which may mean MHz.
 
     >>> [hertz_per_unit(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N", "mHz")]
     [1000.0, 1000000.0, 1.0, 1.0, None, None]
@@ -99,10 +99,10 @@ def hertz_per_unit(unit: str) -> float | None:
 
 
 def sampling_frequency(t: np.ndarray) -> float:
-    """Return the sampling frequency of a time axis, which may be rounded, jitter or have gaps; 0 where it has none.
+    """Return the sampling frequency of a time axis, which may be rounded, jitter or have gaps; 0 if it has none.
 
-    An axis that runs backwards anywhere is no clock: two runs in a row, or another quantity that is called t. Clocks
-    are set in round numbers: of all frequencies that the axis allows, the one with the fewest digits is returned.
+    An axis that runs backwards is no clock: it has two runs in a row, or is another quantity named t. Clocks have round
+    numbers: of all frequencies that the axis allows, the one with the fewest digits is returned.
 
     >>> sampling_frequency(np.round(np.arange(20_000) / 16384, 6))
     16384.0
@@ -118,7 +118,7 @@ def sampling_frequency(t: np.ndarray) -> float:
         least, n_gaps = min(least, float(steps.min())), n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
     if least < -_MAX_BACKWARD_STEP * usual or usual < 0:
         return 0.0
-    # else it is only printed coarsely
+    # otherwise the times are only printed coarsely
     most = 1.5 * usual if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1) else np.inf
     n, span, highest, squares = 0, 0.0, -np.inf, 0.0
     for steps in _iterate_steps(t):
@@ -138,7 +138,7 @@ def sampling_frequency(t: np.ndarray) -> float:
 
 
 def is_rising(stream: np.ndarray) -> bool:
-    """Return whether a stream runs forward by usually even steps, as times and counters do; nan is passed over.
+    """Return whether a stream runs forward by mostly even steps, as times and counters do; nan is ignored.
 
     >>> is_rising(np.array([0.0, 0.1, 0.2, 0.5, 0.6])), is_rising(np.array([0.0, 0.2, 0.1])), is_rising(np.zeros(9))
     (True, False, False)
@@ -152,6 +152,6 @@ def is_rising(stream: np.ndarray) -> bool:
 
 
 def _iterate_steps(t: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the steps of a time axis, a block at a time."""
+    """Yield the steps of a time axis in blocks."""
     for some in iterate_blocks(t.size - 1):
         yield np.diff(t[some.start : some.stop + 1])

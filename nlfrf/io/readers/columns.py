@@ -10,14 +10,14 @@ if TYPE_CHECKING:
 
 
 def contents(path: Path) -> Contents:
-    """Read columns of numbers by name; moments as seconds since the first; missing numbers are nan.
+    """Read columns of numbers by name; times as seconds since the first; missing numbers are nan.
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
     """
     import pyarrow.types as kinds
     from pyarrow import feather, float64, int64, parquet
 
-    # a file alone, as a set of files its columns would have to have different names
+    # as a single file: a set of files needs different names of columns
     table = parquet.ParquetFile(path).read() if path.suffix.lower() == ".parquet" else feather.read_table(path)
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
@@ -27,7 +27,7 @@ def contents(path: Path) -> Contents:
             ticks = column.cast(int64()).to_numpy()
             arrays[name] = (ticks - ticks[:1]) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
             units[name] = "s"
-            clocks.setdefault("", name)  # by its type, whatever it is called
+            clocks.setdefault("", name)  # a time by its type, whatever its name
             continue
         if not (kinds.is_integer(kind) or kinds.is_floating(kind) or kinds.is_boolean(kind) or kinds.is_decimal(kind)):
             notes[name] = "holds no numbers"

@@ -25,8 +25,8 @@ _RATE_ATTRIBUTES = (
 _STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
 _START_ATTRIBUTE, _ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
 _TIME_UNITS = ("time_unit", "time_units", "timeunit")
-_MAX_TEXT = 1 << 16  # characters that a text may have
-#: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
+_MAX_TEXT = 1 << 16  # most characters of a text
+#: Scale and offset of numbers: by the netCDF conventions, and for whole numbers by other names.
 _SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
 _COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 
@@ -34,8 +34,8 @@ _COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 def contents(path: Path) -> Contents:
     """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes; attribute texts.
 
-    Long datasets are returned unread, to be read a block at a time; so the file stays open as long as they exist. This
-    module is loaded by its path in a process of its own, so it imports nothing of this package.
+    Long datasets are returned unread, to be read in blocks; so the file stays open as long as they exist. This module
+    is loaded by its path in its own process, so it imports nothing from this package.
 
     HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as a whole.
 
@@ -54,10 +54,10 @@ def contents(path: Path) -> Contents:
         attributes = _plain_attributes(node)
         by_key = {key.lower(): held for key, held in attributes.items()}
         prefix = place.replace("/", ".")
-        if place.startswith("#"):  # where MATLAB keeps what its cells and objects refer to
+        if place.startswith("#"):  # the targets of references of MATLAB's cells and objects
             notes[place.split("/")[0]] = "holds references"
             return
-        if "MATLAB_object_decode" in attributes:  # the numbers of such a dataset are references too
+        if "MATLAB_object_decode" in attributes:  # the numbers of such a dataset are references, too
             notes[prefix] = "is a MATLAB object"
             return
         if not isinstance(node, h5py.Dataset):
@@ -78,7 +78,7 @@ def contents(path: Path) -> Contents:
 
 
 def _stated_clock(by_key: Attributes) -> tuple[float, np.ndarray, str] | None:
-    """Return the sampling frequency that attributes state, the start of the abscissa and its unit; None without."""
+    """Return the sampling frequency in attributes, the start of the abscissa and its unit; None without one."""
     key = next((one for one in _RATE_ATTRIBUTES + _STEP_ATTRIBUTES if _is_positive_number(by_key.get(one))), "")
     if not key:
         return None
@@ -98,13 +98,13 @@ def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
     if isinstance(node, h5py.Dataset):
         why = "has external storage" if node.external else "is a virtual dataset" if node.is_virtual else ""
     else:
-        # of the classes of links, h5py knows three and HDF5 lets programs add others
+        # h5py has three classes of links; programs may add others in HDF5
         for name in node:
             link = node.get(name, getlink=True)
             if not isinstance(link, h5py.HardLink | h5py.SoftLink):
                 place, why = f"{place}/{name}".lstrip("/"), "is a link to another file"
     if why:
-        raise ValueError(f"its {place[:60]!r} {why}: other files are never read, copy the numbers into it")
+        raise ValueError(f"its {place[:60]!r} {why}: other files are never read; copy the numbers into this one")
 
 
 #: Attributes of a dataset by name: h5py gives whatever numpy or Python type a file has.
@@ -112,7 +112,7 @@ Attributes: TypeAlias = dict[str, Any]
 
 
 class _LazyStream:
-    """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut, and then scaled."""
+    """A stream in a dataset: all of it, a field of a table, or a column; a slice is read and scaled when taken."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class _LazyStream:
         scaling: tuple[float, float, float | None] | None = None,
     ) -> None:
         self.source, self.column, self.axis = node if field is None else node.fields(field), column, axis
-        kind = node.dtype if field is None else node.dtype[field]  # which may be of several numbers
+        kind = node.dtype if field is None else node.dtype[field]  # may contain several numbers
         self.scaling = scaling
         self.dtype = kind.base if scaling is None else np.dtype(float)
         self.shape = node.shape + kind.shape if column is None else (node.shape[1 - axis],)
@@ -142,7 +142,7 @@ class _LazyStream:
 
 
 def _find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tuple[float, float, float | None] | None:
-    """Find scale, offset and missing value of a dataset; None where its numbers stay as they are."""
+    """Find scale, offset and missing value of a dataset; None if its numbers are unscaled."""
     scale, offset = 1.0, 0.0
     for scale_key, offset_key in reversed(_SCALING_ATTRIBUTES if node.dtype.kind in "iu" else _SCALING_ATTRIBUTES[:1]):
         if _is_positive_number(attributes.get(scale_key)) or (
@@ -155,10 +155,10 @@ def _find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tu
 
 
 def _dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
-    """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array as it is."""
+    """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array itself."""
     import h5py
 
-    if node.shape is None:  # of HDF5's null space
+    if node.shape is None:  # a null dataspace of HDF5
         return {}
     if node.dtype.names:
         kinds = {key: node.dtype[key] for key in node.dtype.names}
@@ -188,7 +188,7 @@ def _plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
     for key in node.attrs:
         try:
             held = node.attrs[key]
-        except (OSError, TypeError, ValueError):  # of a type that h5py does not know
+        except (OSError, TypeError, ValueError):  # a type unknown to h5py
             continue
         held = held.item() if isinstance(held, np.generic | np.ndarray) and np.size(held) == 1 else held
         if isinstance(held, bytes):

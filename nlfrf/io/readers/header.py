@@ -1,8 +1,8 @@
 """The header of a text table, by one table of rules: names and units of the columns, and the clock of the preamble.
 
-A row of the header has a label, as ``Unit,V,V`` and ``Interval,0.001`` have, by which `_RULES` know what it says; or it
-stands above the columns as it is: names, units, types, comments. Where a header has fewer or more names than the table
-has columns, the numbers decide to which columns the names belong, or the names are not used.
+A row of the header has a label, as in ``Unit,V,V`` and ``Interval,0.001``, and `_RULES` give its meaning. Or it has a
+cell for each column: names, units, types, comments. If a header has fewer or more names than the table has columns, the
+numbers decide to which columns the names belong, or the names are not used.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|fl
 _NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
 
-#: What the other cells of a labelled row are.
+#: Meaning of the other cells of a labelled row.
 Role = Enum("Role", "NAMES UNITS ABSCISSA_UNIT RATE STEP START TIME_OF_DAY")
-#: What a column holds; a clock runs forward from row to row.
+#: Content of a column; a clock runs forward from row to row.
 Kind = Enum("Kind", "CLOCK NUMBERS TEXT EMPTY")
 
-#: The rules: role, label in the first cell, and what every other cell must look like.
+#: The rules: role, label in the first cell, and pattern of every other cell.
 _RULES = (
     (Role.NAMES, re.compile(r"(?:(?:channel|signal|trace|kanal)[ _]?)?names?|source|kanal", re.I), re.compile(r".*")),
     (
@@ -53,7 +53,7 @@ _RULES = (
     (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), _NUMBER_CELL),
     (Role.TIME_OF_DAY, re.compile(r"time", re.I), re.compile(r"\d{1,2}:\d{2}:\d{2}(?:[.,]\d*)?")),
 )
-#: Names of columns that rise from row to row beside those of times, of remarks that few rows have, and of sockets.
+#: Names of rising columns other than times, of remarks that few rows have, and of sockets.
 _COUNTER_NAME = re.compile(
     r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|count(?:er)?|number|#|record|line|points?|frames?|steps?|cycles?|"
     r"ticks?|(?:loop[ _]?)?iterations?|id|seq(?:uence)?)\.?",
@@ -61,21 +61,21 @@ _COUNTER_NAME = re.compile(
 )
 _REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
 _SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
-_SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
-#: What a name hardly stands for, of a time or a counter and of anything else.
+_SAME_CLOCK = 1e-3  # largest relative difference between the steps of a column and those in the preamble
+#: Unlikely contents for the name of a time or counter (True), and for any other name (False).
 _MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
-_MAX_UNPAIRED = 2  # columns without a name, or names without a column
+_MAX_UNPAIRED = 2  # most columns without a name, or names without a column
 
-#: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
+#: A line above a table with the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
 _CLOCK_TEXT = re.compile(
     rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
 )
-#: The factor from the rate of a converter to that of the table, and what the latter is called.
+#: The factor from the rate of a converter to that of the table, and names of the latter.
 _DECIMATION = re.compile(
     r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])", re.I
 )
 _OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
-#: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
+#: The number behind the name, possibly grouped by blanks or marks, and the next word: its unit, or another cell.
 _CLOCK_VALUE = re.compile(
     r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
     r"(?P<gap>[\s,;\"'|\[(]*)(?P<unit>1/s|s\^-1|[^\W\d][\w/]*(?: per sec(?:ond)?)?)?",
@@ -84,7 +84,7 @@ _CLOCK_VALUE = re.compile(
 
 
 class _Clock(NamedTuple):
-    """A sampling frequency [Hz] that a preamble states, 0 where there is none, or where it states several, `rates`."""
+    """A sampling frequency [Hz] from a preamble; 0 if it has none, or if it has several, which are in `rates`."""
 
     fs: float = 0.0
     label: str = ""
@@ -93,7 +93,7 @@ class _Clock(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What a header says: names, units, steps and starts [s] of columns, the clock of all, names without a column."""
+    """Content of a header: names, units, steps and starts [s] of columns, the common clock, names without a column."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -104,12 +104,12 @@ class Header(NamedTuple):
 
 
 def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
-    """Read the header of a table; `columns` are its columns of numbers, by their place."""
+    """Read the header of a table; `columns` are its columns of numbers, by their index."""
     kinds, width = _find_kinds(layout, columns), len(layout.numeric)
     rows, labelled, preamble = _sort_rows(layout, kinds)
     names, units, constants = _find_names(rows, kinds)
     if {*kinds[len(names) :]} == {Kind.EMPTY} and any(len(row) == width and row[: len(names)] == names for row in rows):
-        names = _slice_row(names, 0, width)  # each ends in a separator, and so does the line
+        names = _slice_row(names, 0, width)  # each name ends in a separator, also the last one
     label = ""
     if _find_role(names) is Role.NAMES:
         label, names = names[0], names[len(names) > width :]
@@ -118,10 +118,10 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
     clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
-        clock = _Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
+        clock = _Clock(clock.fs / scale, clock.label, abscissa)  # step and unit are in different lines
     rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
-        # a rate of an unknown unit is none
+        # a rate in an unknown unit is ignored
         as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < _SAME_CLOCK
         stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
@@ -139,7 +139,7 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
 def _place_names_and_units(
     names: list[str], units: list[str], kinds: list[Kind]
 ) -> tuple[list[str], list[str], dict[str, str]]:
-    """Return the name of each column, its unit where there are any, and why names have no column."""
+    """Return the name of each column, its unit if there are any, and reasons for names without a column."""
     width, first = len(kinds), _place_names(names, kinds)
     why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
     unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
@@ -150,22 +150,22 @@ def _place_names_and_units(
 
 
 def _is_unit(cell: str) -> bool:
-    """Return whether a cell holds a unit, in brackets or as it is."""
+    """Return whether a cell contains a unit, in brackets or bare."""
     return re.fullmatch(r"\[.*\]|\(.*\)", cell) is not None or parse_unit(cell) is not None
 
 
 def _bare_unit(unit: str, name: str, abscissa: str) -> str:
-    """Return the unit of a column without its brackets, that of the abscissa where a time states none."""
+    """Return the unit of a column without its brackets, that of the abscissa for a time without one."""
     unit = unit or (abscissa if is_time_name(name) else "")
     return "" if unit == "-" else unit.strip("[]()").strip()
 
 
 def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
-    """Return the rows of a header without a label, those with one by what it says, and the lines of the preamble.
+    """Return the rows of a header without a label, those with a label by their role, and the lines of the preamble.
 
-    Where a row without the mark of a comment has names, only units come from those with it.
+    If a row without the mark of a comment has names, rows with the mark give units only.
     """
-    rows: list[tuple[list[str], bool]] = []  # with whether it is a comment
+    rows: list[tuple[list[str], bool]] = []  # with True for a comment
     labelled: dict[Role, list[str]] = {}
     preamble = []
     for i, line in enumerate(layout.header):
@@ -176,7 +176,7 @@ def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict
         elif any(cells):
             rows.append((cells, line.lstrip().startswith(COMMENT_MARKS)))
         if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
-            preamble.append(line)  # but not the names, of which one may be that of a clock
+            preamble.append(line)  # without the names, one of which may be that of a clock
     named = [row for row, comment in rows if not comment and _names_in(row, kinds) and not _is_units_row(row, [])]
     kept = [row for row, comment in rows if not (comment and named) or _is_units_row(row, named[-1])]
     return kept, labelled, preamble
@@ -185,7 +185,7 @@ def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict
 def _steps_and_starts(
     layout: Layout, labelled: Mapping[Role, list[str]], kinds: list[Kind]
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """Return steps and starts [s] of the columns as labelled rows state them, a time of the day added to its start."""
+    """Return steps and starts [s] of the columns from labelled rows; a time of day is added to the start."""
     steps, starts = (
         {j: _parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(_spread(row, kinds)) if cell}
         for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
@@ -198,7 +198,7 @@ def _steps_and_starts(
 
 
 def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
-    """Find what each column holds."""
+    """Return the kind of each column."""
     return [
         (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
         if j in columns
@@ -212,21 +212,21 @@ def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]
 
 
 def _split_header_line(line: str, delimiter: str, width: int) -> list[str]:
-    """Split a line of the header into cells, none of one that is blank, a rule, or a remark of one cell."""
+    """Split a line of the header into cells; none for a blank line, a rule, or a remark of one cell."""
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
     marked = line.lstrip(" ")[0] in COMMENT_MARKS and bare[0] != delimiter
     bare = bare.lstrip("#%!*/ ") if marked else line
     cells = split_cells(bare, delimiter)
-    if len(cells) != width and (delimiter == " " or len(cells) == 1):  # names with blanks are separated by several
+    if len(cells) != width and (delimiter == " " or len(cells) == 1):  # such names are separated by several blanks
         wider = re.split(r"\s{2,}|\t", bare.strip(' "'))
         cells = wider if len(wider) == width else cells
     return [] if marked and len(cells) == 1 < width else cells
 
 
 def _find_role(cells: Sequence[str]) -> Role | None:
-    """Find what a row says by its label, None of a row without one.
+    """Return the role of a row by its label, None without a label.
 
     >>> [_find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
     [<Role.UNITS: 2>, <Role.STEP: 5>, None]
@@ -238,12 +238,12 @@ def _find_role(cells: Sequence[str]) -> Role | None:
 
 
 def _slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
-    """Return `width` cells of a row from `start` on, which may lie before its first; empty where it has none."""
+    """Return `width` cells of a row from `start` on, which may be negative; cells that do not exist are empty."""
     return [row[i] if 0 <= i < len(row) else "" for i in range(start, start + width)]
 
 
 def _spread(row: list[str], kinds: list[Kind]) -> list[str]:
-    """Return the cells of a labelled row by column: where they stand, or in turn where there are as many channels.
+    """Return the cells of a labelled row by column: at their place, or in turn if there are as many channels.
 
     >>> _spread(["Unit", "N", "", "mm"], [Kind.CLOCK, Kind.NUMBERS, Kind.CLOCK, Kind.NUMBERS])
     ['', 'N', '', 'mm']
@@ -287,7 +287,7 @@ def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], li
 
 
 def _names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[str]] | None:
-    """Return names and units of a row of names and one below it, which may hold both; None where it has no units."""
+    """Return names and units from a row of names and the row below, which may contain both; None without units."""
     seconds = [
         is_time_name(name) and seconds_per_unit(cell.strip("[]() ") or "?")
         for name, cell in zip(above, row, strict=True)
@@ -303,7 +303,7 @@ def _names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[
 
 
 def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
-    """Return the names in a row, none of one that is rather a line of a preamble: with numbers or dates, or too short.
+    """Return the names in a row; none for a line of a preamble, with numbers or dates, or too short.
 
     >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS, Kind.EMPTY]
     >>> _names_in(["time", "1", "2", ""], kinds), _names_in(["u", "y"], kinds), _names_in(["Range", "5.0"], kinds)
@@ -324,15 +324,15 @@ def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
 
 
 def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
-    """Return the column of the first name, None where the numbers do not show it.
+    """Return the column of the first name; None if the numbers do not show it.
 
-    Columns without a name hold nothing, or stand in front and run forward, as row numbers and times do. A time or a
-    counter runs forward. Any other name is rather not that of a clock.
+    Columns without a name are empty, or come first and run forward, as row numbers and times do. A time or a counter
+    runs forward. Any other name hardly belongs to a clock.
 
     >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
     >>> _place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
     1
-    >>> _place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the last name is missing, or another
+    >>> _place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the missing name may be any
     >>> _place_names(["u", "y"], [Kind.EMPTY, numbers, Kind.EMPTY])     # either may be the channel
     """
     if not names or len(names) == len(kinds):
@@ -350,7 +350,7 @@ def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
 
 
 def _is_units_row(row: list[str], above: list[str]) -> bool:
-    """Return whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
+    """Return whether a row contains units: in all cells, or in most of them, below names that are no units.
 
     >>> _is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
     True
@@ -368,10 +368,10 @@ def _is_units_row(row: list[str], above: list[str]) -> bool:
 
 
 def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> _Clock:
-    """Find the sampling frequency in the lines above a table; that of an unknown unit is none.
+    """Find the sampling frequency in the lines above a table; a rate in an unknown unit is ignored.
 
-    A sampling time of seconds may be the duration of the record. Of several rates that of the output counts, and a
-    rate before a decimation is divided by it.
+    A sampling time in seconds may be the duration of the record. If there are several rates, that of the output counts,
+    and a rate before a decimation is divided by its factor.
 
     >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
     _Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
@@ -403,7 +403,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     if clocks and factor and (rate := max(one.fs for one in clocks.values()) / int(factor[1])) > 0:
         if int(factor[1]) > 1 and not any(map(_OUTPUT.search, clocks)):
             data_warning(
-                f"{rate:g} Hz are taken, the rate above the table over {factor[0]!r}; give fs if it is another"
+                f"fs is taken as {rate:g} Hz, the rate above the table over {factor[0]!r}; give fs if it is another"
             )
         clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not _OUTPUT.search(name)}
     outputs = [one for name, one in clocks.items() if _OUTPUT.search(name)] or [*clocks.values()]
@@ -413,7 +413,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
 
 
 def _parse_number(text: str, delimiter: str, decimal: str) -> float:
-    """Parse a number as people write it; 0 where it is none or ambiguous: 51,200 may be 51200 or 51.2.
+    """Parse a number in any notation; 0 if it is none or ambiguous: 51,200 may be 51200 or 51.2.
 
     >>> [_parse_number(text, ";", ".") for text in ("1'000", "1.000,5", "2,5", "51,200", "0,001", "1000,")]
     [1000.0, 1000.5, 2.5, 0.0, 0.001, 1000.0]
@@ -421,7 +421,7 @@ def _parse_number(text: str, delimiter: str, decimal: str) -> float:
     (1000.0, 0.0)
     """
     text = re.sub(r"[ '’\u00a0\u202f]", "", text).rstrip(",")
-    if delimiter == "," and "," in text:  # cells, one a channel
+    if delimiter == "," and "," in text:  # one cell per channel
         text = text.split(",")[0] if len(set(text.split(","))) == 1 else ""
     marks = sorted({".", ","} & set(text), key=text.rfind)
     if len(marks) == 2:

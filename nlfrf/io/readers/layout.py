@@ -1,7 +1,7 @@
-"""The layout of a table written as text: where its header, units and numbers stand, and its separators.
+"""The layout of a table written as text: place of header, units and numbers, and the separators.
 
-Each separator with each decimal sign is tried on the first lines; the one with most rows of numbers is taken, because
-no rule on the text alone tells a decimal comma from a separating one.
+Each separator with each decimal sign is tried on the first lines; the pair with most rows of numbers is taken, because
+no rule on the text alone distinguishes a decimal comma from a separating one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, replace
 
-_N_HEAD_LINES, _N_SAMPLE_LINES = 400, 60  # lines that are read, and those of them that the layout is tried on
+_N_HEAD_LINES, _N_SAMPLE_LINES = 400, 60  # lines that are read, and lines on which the layout is tried
 _SEPARATORS = [
     (",", "."),
     (";", "."),
@@ -24,7 +24,7 @@ _SEPARATORS = [
     ("|", "."),
     (",", ","),
 ]
-#: A line whose last cell begins with a quote that does not end in it, and the most lines that such a cell may have.
+#: A line whose last cell begins with a quote that does not end in it, and the most lines of such a cell.
 _OPEN_QUOTE, _BREAKS = re.compile(r'^(?:[^"]|"[^"]*")*(?:^|[,;\t|])\s*"[^"]*$'), 5
 COMMENT_MARKS = tuple("#%;!*/")
 EMPTY_CELLS = {"", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "inf", "-inf", "+inf"}
@@ -35,7 +35,7 @@ MOMENT = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 @dataclass(frozen=True)
 class _Cutting:
-    """One way to cut the lines: number of columns, which are numbers and which hold anything, rows that fit."""
+    """One way to cut the lines: number of columns, masks of numeric and of nonempty columns, number of fitting rows."""
 
     delimiter: str
     decimal: str
@@ -47,20 +47,20 @@ class _Cutting:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout(_Cutting):
-    """The way that the lines are cut, and what stands above and among the numbers.
+    """The cutting of the lines, and the text above and among the numbers.
 
     Fields
     ------
     n_header_lines : int
         Lines of the file before the numbers.
     header : tuple of str
-        These lines, and what stands left of the first rows of numbers only, as a preamble.
+        These lines, and text left of the first rows of numbers, as a preamble.
     moments : tuple of bool
-        Whether a column holds dates or times of day.
+        True for a column of dates or times of day.
     has_padding : bool
-        Whether blanks stand beside the separators.
+        True if there are blanks next to the separators.
     comment : str, optional
-        The mark of comments among the numbers.
+        Mark of comments among the numbers.
     """
 
     n_header_lines: int
@@ -89,14 +89,14 @@ def find_layout(text: str) -> Layout:
     Raises
     ------
     ValueError
-        No rows of numbers.
+        There are no rows of numbers.
     """
     head = _join_quoted_lines(_first_lines(text))
     lines = [line for line, _ in head]
     best = _best_cutting(lines)
     rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
     first = next(i for i, row in enumerate(rows) if _is_data(row, best))
-    # pandas writes the numbers of columns without names above them
+    # pandas writes numbers above columns without names
     first += len(cells := [cell for cell in rows[first] if cell]) > 2 and cells == [str(i) for i in range(len(cells))]
     comment = next((line[0] for line in lines[first:] if line[:1] in COMMENT_MARKS and line[0] != delimiter), None)
     moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
@@ -113,7 +113,7 @@ def find_layout(text: str) -> Layout:
 
 
 def _best_cutting(lines: list[str]) -> _Cutting:
-    """Return the way to cut the lines that gives most numbers, or the one that a file declares; refuse one of none."""
+    """Return the cutting with most numbers, or the one that a file declares; refuse a file without numbers."""
     declared = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
     best = max(
         (_cut_lines(lines[-_N_SAMPLE_LINES:], *split) for split in _SEPARATORS if declared in (None, split[0])),
@@ -125,12 +125,12 @@ def _best_cutting(lines: list[str]) -> _Cutting:
         ),
     )
     if best.n_data_rows < 2:
-        raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
+        raise ValueError("no rows of numbers were found: a table needs one row per sample and one column per channel")
     return best
 
 
 def _first_lines(text: str) -> list[str]:
-    """Return the first lines, without the last one where it may be cut."""
+    """Return the first lines, without the last one if it may be incomplete."""
     end, place = 0, 0
     for _ in range(_N_HEAD_LINES):
         place = text.find("\n", end)
@@ -142,7 +142,7 @@ def _first_lines(text: str) -> list[str]:
 
 
 def _join_quoted_lines(lines: list[str]) -> list[tuple[str, int]]:
-    """Join the lines of a quoted cell with a line break in it to one; return each with the number of its lines.
+    """Join the lines of a quoted cell with line breaks; return each line with its number of original lines.
 
     >>> _join_quoted_lines(['Disk: 5" wide', '"Force', '[N]","Way"', "1,2"])
     [('Disk: 5" wide', 1), ('"Force [N]","Way"', 2), ('1,2', 1)]
@@ -166,16 +166,16 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
         row = line.split(delimiter) if line else []
-    return [cell.strip("'") if cell.startswith("'") else cell for cell in map(str.strip, row)]  # but not that of Z'
+    return [cell.strip("'") if cell.startswith("'") else cell for cell in map(str.strip, row)]  # keep the mark of Z'
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    """Return whether a cell is a number written with that decimal sign."""
+    """Return whether a cell is a number with this decimal sign."""
     return (_NUMBER_WITH_POINT if decimal == "." else _NUMBER_WITH_COMMA).fullmatch(cell) is not None
 
 
 def _cut_lines(lines: list[str], delimiter: str, decimal: str) -> _Cutting:
-    """Cut the lines one way: the width of most rows with numbers, the columns that are numbers in nearly all."""
+    """Cut the lines one way: width of most rows with numbers, columns with numbers in nearly all."""
     comments = {*COMMENT_MARKS} - {delimiter}
     rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in comments]
     kinds = [[_is_number(cell, decimal) for cell in row] for row in rows]
@@ -184,7 +184,7 @@ def _cut_lines(lines: list[str], delimiter: str, decimal: str) -> _Cutting:
     body = [(row, kind) for row, kind in zip(rows, kinds, strict=True) if len(row) == width and any(kind)]
     if not body:
         return _Cutting(delimiter, decimal)
-    half = body[len(body) // 2 :]  # behind whatever stands above the numbers
+    half = body[len(body) // 2 :]  # behind the text above the numbers
     numeric = tuple(
         any(kind[i] for _, kind in half) and all(kind[i] or row[i].lower() in EMPTY_CELLS for row, kind in half)
         for i in range(width)
@@ -195,7 +195,7 @@ def _cut_lines(lines: list[str], delimiter: str, decimal: str) -> _Cutting:
 
 
 def _is_data(row: list[str], c: _Cutting) -> bool:
-    """Return whether a row has the width of the table and numbers, or nothing, where those stand."""
+    """Return whether a row has the width of the table, with numbers or empty cells in the numeric columns."""
     if len(row) != c.width or not any(c.numeric):
         return False
     held = [_is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
@@ -204,7 +204,7 @@ def _is_data(row: list[str], c: _Cutting) -> bool:
 
 
 def make_unique(names: list[str]) -> list[str]:
-    """Make names unique: columns without one are numbered, and so are those that share theirs.
+    """Make names unique: columns without a name are numbered, and so are those with equal names.
 
     >>> make_unique(["y", "y", "y.2", ""])
     ['y', 'y.3', 'y.2', 'col4']

@@ -1,4 +1,4 @@
-"""MATLAB files of any version, each read by the library that knows it, in a process of its own."""
+"""MATLAB files of any version, each read by its library, in its own process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nlfrf._base.files import to_path
 from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf.io.readers import hdf5, matlab_v5
 
-_OBJECTS = "what MATLAB's whos calls timeseries, timetable, table or Dataset"
+_OBJECTS = "an object that MATLAB's whos lists as timeseries, timetable, table or Dataset"
 _CURE = "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
 
 
@@ -25,7 +25,9 @@ def contents(path: Path) -> Contents:
 
 
 def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Read the variables of a MATLAB file, without axes of length one: systems and settings, not records.
+    """Read the variables of a MATLAB file, without axes of length one.
+
+    Use this for systems and settings; use `load_record` for records.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Raises
     ------
     ValueError
-        A file that cannot be read, or one of version 7.3, whose matrices are stored transposed.
+        The file cannot be read, or has version 7.3, which stores matrices transposed.
     FileNotFoundError
         No such file.
 

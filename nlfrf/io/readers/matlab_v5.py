@@ -1,6 +1,7 @@
 """MATLAB v4 to v7 files by SciPy: variables, structs, Simulink scopes, dSPACE recordings.
 
-Loaded by its path alone in a process of its own, so it imports nothing of this package: some damaged files crash SciPy.
+This module is loaded by its path in its own process, because some damaged files crash SciPy. So it imports nothing from
+this package.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ if TYPE_CHECKING:
 
     from nlfrf._base.own_process import Contents
 
-_MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
+_MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are read
 
 
 def contents(path: Path) -> Contents:
-    """Read arrays by name, units and clocks; "#subsystem#" in the notes says that the file holds MATLAB objects."""
+    """Read arrays by name, units and clocks; "#subsystem#" in the notes marks a file with MATLAB objects."""
     from scipy.io import loadmat
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # several objects share one name there
+        warnings.simplefilter("ignore")  # for objects with equal names
         raw = loadmat(path, squeeze_me=True, struct_as_record=False, appendmat=False)
     found: Contents = ({}, {}, {}, {})
     for name, content in raw.items():
@@ -38,7 +39,7 @@ def contents(path: Path) -> Contents:
 
 
 def _rename_by_labels(found: Contents) -> Contents:
-    """Rename the signals of scopes by their labels, which stand in the notes, where these occur once."""
+    """Rename the signals of scopes to their labels, which are in the notes, if these are unique."""
     arrays, units, clocks, labels = found
     often = Counter([*labels.values(), *arrays])
     short = {full: label for full, label in labels.items() if often[label] == 1}
@@ -48,7 +49,7 @@ def _rename_by_labels(found: Contents) -> Contents:
 
 
 def _add_variable(name: str, content: object, found: Contents) -> None:
-    """Add a MATLAB variable: numbers and texts as they are, structs member by member, scopes and dSPACE by name."""
+    """Add a MATLAB variable: numbers and texts unchanged, structs member by member, scopes and dSPACE by name."""
     members = getattr(content, "_fieldnames", None)
     if members is not None:
         if {"X", "Y"} <= set(members):
@@ -69,7 +70,7 @@ def _add_variable(name: str, content: object, found: Contents) -> None:
 
 
 def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
-    """Add a dSPACE ControlDesk recording: X are times, one a raster, Y channels with Name, Data, Unit and raster."""
+    """Add a dSPACE ControlDesk recording: X are times, one per raster, Y channels with Name, Data, Unit and raster."""
     arrays, units, clocks, _ = found
     times = {}
     for i, raster in enumerate(np.ravel(recording.X)):
@@ -91,7 +92,7 @@ def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
 
 
 def _add_scope(name: str, scope: mat_struct, found: Contents) -> None:
-    """Add a Simulink scope or "structure with time": signals with its times; their labels go to the notes."""
+    """Add a Simulink scope or "structure with time": its signals with times; labels go to the notes."""
     arrays, _, clocks, labels = found
     time = np.ravel(getattr(scope, "time", np.empty(0)))
     if time.size > 1:

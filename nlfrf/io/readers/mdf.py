@@ -1,4 +1,4 @@
-"""MDF measurement files of cars and test benches (.mf4, .mdf, old ones .dat), by asammdf."""
+"""MDF measurement files of cars and test benches (.mf4, .mdf, older ones .dat), by asammdf."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 
 def contents(path: Path) -> Contents:
-    """Read channels by name (``group.name`` where several groups have it), each with the times of its group.
+    """Read channels by name (``group.name`` if several groups have it), each with the times of its group.
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package. An MDF file can
-    name other files as its attachments, which asammdf opens on its own for some channels: none is opened here.
+    This module is loaded by its path in its own process, so it imports nothing from this package. An MDF file can name
+    other files as attachments, which asammdf opens for some channels: none is opened here.
     """
     from asammdf import MDF
     from asammdf.blocks.mdf_v4 import MDF4
 
-    MDF4._extract_attachment = lambda *_, **__: (b"", Path(), b"")  # in place of that of a channel: empty
+    MDF4._extract_attachment = lambda *_, **__: (b"", Path(), b"")  # an empty attachment for every channel
 
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found

@@ -1,10 +1,10 @@
-"""The grammar of names and units: of columns, variables, channels and attributes, each parsed whole.
+"""The grammar of names and units of columns, variables, channels and attributes, each parsed as a whole.
 
     name = [sign or inverse] quantity [of what] [unit or scale in brackets, behind a mark or a blank]
     unit = [factor] symbol [power] { "*" or "/" symbol [power] }, or a scale of ratios as dB
 
-Tables, records, arrays, structs and attributes share the tables below. A word of a name that stands in none of them is
-kept as `unknown`: whoever uses the column decides whether it is the name of a thing, or asks.
+Tables, records, arrays, structs and attributes share the tables below. A word in none of them is kept as `unknown`: the
+caller decides whether it is the name of a thing, or asks the user.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 TURN = 2 * pi
-_MAX_LENGTH = 200  # characters of a name or a unit; what is longer is none
+_MAX_LENGTH = 200  # most characters of a name or a unit
 _PREFIXES = {
     "": 1.0,
     "p": 1e-12,
@@ -39,7 +39,7 @@ _PREFIXES = {
     "mega": 1e6,
     "giga": 1e9,
 }
-#: Decades of a ratio in one of a scale: `log10` and `ln` are those of the ratio itself, dB10 that of a power.
+#: Decades of a ratio per unit of a scale: `log10` and `ln` are for the ratio itself, dB10 for a power.
 _SCALES = {
     **dict.fromkeys(("dB", "dB20", "decibel", "decibels"), 1 / 20),
     **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
@@ -49,10 +49,10 @@ _SCALES = {
     "dNp": 0.1 / log(10),
     "cNp": 0.01 / log(10),
 }
-#: Units by their spellings: the factor to base units, and the powers of these. A base unit stands for itself.
+#: Units by their spellings: factor to base units, and powers of these. A base unit is its own symbol.
 _UNITS = {
     "rad radian radians": (1.0, "rad"),
-    "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad in German; grad in small letters may be the gon
+    "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad is German for degree; grad may be the gon
     "gon gons gradian gradians": (TURN / 400, "rad"),
     "rev revs revolution revolutions turn turns cycle cycles cyc tr": (TURN, "rad"),
     "arcmin": (TURN / 21600, "rad"),
@@ -94,7 +94,7 @@ _UNITS = {
     "K": (1.0, "K"),
     "°C degC": (1.0, "celsius"),
     "°F degF": (1.0, "fahrenheit"),
-    "g gn": (1.0, "g"),  # of gravity or a gram: it goes with itself alone
+    "g gn": (1.0, "g"),  # gravity or gram: it is compatible with itself only
     "sample samples sa smp": (1.0, "sample"),
     "count counts cnt cnts inc incr incs increment increments tick ticks digit digits LSB raw": (1.0, "count"),
     "strain": (1.0, "strain"),
@@ -106,7 +106,7 @@ _UNITS = {
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
 _RATIOS = ("1", *[*_UNITS][-1].split())  # units of a ratio
-#: Mark, number, exponent, symbol, power. A symbol ends where its word does: else a long one is cut in countless ways.
+#: Mark, number, exponent, symbol, power. A symbol ends with its word, or a long one could be cut in too many ways.
 _FACTOR = (
     r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
     r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
@@ -115,7 +115,7 @@ _FACTOR = (
 
 
 class Unit(NamedTuple):
-    """A unit: the factor to base units and their powers, decades of a ratio in one of a scale, and as it is written."""
+    """A unit: factor to base units and their powers, decades of a ratio per unit of a scale, and its text."""
 
     factor: float
     powers: tuple[tuple[str, int], ...] = ()
@@ -125,7 +125,7 @@ class Unit(NamedTuple):
 
 @lru_cache(1)
 def _known_symbols() -> dict[str, tuple[float, str, str]]:
-    """Return factor, powers and symbol by what is written; in other letters, too, where a prefix keeps its own."""
+    """Return factor, powers and symbol by spelling, also in lower case if a prefix keeps its own letter."""
     units = {symbol: (*one, symbol) for names, one in _UNITS.items() for symbol in names.split()}
     found = {
         prefix + symbol: (scale * one[0], *one[1:])
@@ -142,7 +142,7 @@ def _known_symbols() -> dict[str, tuple[float, str, str]]:
 
 
 def find_symbol(symbol: str) -> tuple[float, str, str] | None:
-    """Find factor, powers and bare symbol of a unit in one word."""
+    """Return factor, powers and bare symbol of a unit in one word."""
     known = _known_symbols()
     others = (symbol.lower(), symbol[0] + symbol[1:].lower()) if len(symbol) > 1 else ()
     return next((known[one] for one in (symbol, *others) if one in known), None)
@@ -150,7 +150,7 @@ def find_symbol(symbol: str) -> tuple[float, str, str] | None:
 
 @lru_cache(4096)
 def parse_unit(written: str) -> Unit | None:
-    """Parse a unit without its brackets; None of one that is none, or that may be one of two.
+    """Parse a unit without its brackets; None if it is no unit, or ambiguous.
 
     >>> [parse_unit(one).factor for one in ("mm/N", "kOhm", "x10 s", "m/(N*s2)", "percent")]
     [0.001, 1000.0, 10.0, 1.0, 0.01]
@@ -188,25 +188,25 @@ def parse_unit(written: str) -> Unit | None:
 
 
 def _parse_powers(written: str) -> tuple[tuple[str, int], ...]:
-    """Return the powers of base units in a unit that is known."""
+    """Return the powers of base units in a unit, none if it is unknown."""
     unit = parse_unit(written)
     return unit.powers if unit else ()
 
 
 def parse_bracket(head: str, inside: str) -> Unit | None:
-    """Parse the unit in brackets behind a name; None also of a node or a part of a circuit, as in V(in), I(m)."""
+    """Parse the unit in brackets behind a name; None also for a node or a part of a circuit, as in V(in), I(m)."""
     unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
     return None if of and unit and unit.powers != _parse_powers(of) else unit
 
 
 def _normalize(written: str) -> str:
-    """Return a name without accents, with one sign for each of the minus signs, primes, degrees and squares."""
+    """Return a name without accents and with one spelling of minus signs, primes, degrees and squares."""
     written = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im")))
     written = "".join(one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one))
     return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", written)))
 
 
-#: Words by what they stand for. Of several quantities in a name the first here decides: "gain: real" is a real part.
+#: Words by meaning. If a name has several quantities, the first one here decides: "gain: real" is a real part.
 _QUANTITIES = {
     "std": "std stdev stddev sigma σ",
     "coherence": "coh coherence koharenz γ gamma msc",
@@ -218,7 +218,7 @@ _QUANTITIES = {
     "amplitudengang ganancia guadagno",
     "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
 }
-#: Signs, inverses of G and ("loss") of its magnitude alone, powers, words that mean nothing, and those that must not.
+#: Signs, inverses of G and ("loss") of its magnitude, powers, words without meaning, and words never ignored.
 _WORDS = {
     "minus": "minus neg negative negated",
     "conjugate": "conj conjugate conjugated",
@@ -234,7 +234,7 @@ _WORDS = {
     "no_name": "normalized normalised normiert scaled relative rel error err delta difference margin slope",
 }
 ROLES = {word: role for role, listed in (_WORDS | _QUANTITIES).items() for word in listed.split()}
-#: What a name is rewritten by, in turn, before its words are looked up; ⟪⟫ are around what a quantity is of.
+#: Replacements in a name, in this order, before its words are looked up; ⟪⟫ enclose the object of a quantity.
 _REWRITTEN = (
     (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
     (r"(?:frequency|freq)[ _]?response(?:[ _]?function)?|transfer[ _]?function", " "),
@@ -242,9 +242,9 @@ _REWRITTEN = (
     (r"loss[ _]modulus", " imag "),
     (r"storage[ _]modulus", " real "),
     (r"(?<![^\W_])([^\W\d_])''(?:\([ab]\))?", r" imag ⟪\1⟫ "),
-    (r"(?<![^\W_])([^\W\d_])'(?:\([ab]\))?", r" real ⟪\1⟫ "),  # of a + j b
+    (r"(?<![^\W_])([^\W\d_])'(?:\([ab]\))?", r" real ⟪\1⟫ "),  # for a + j b
     (r"\^\s*2(?!\d|[^\[(]*[\])])", " squared "),  # but not in a unit
-    (r"\(\*\)", "(°)"),  # as some programs write the sign
+    (r"\(\*\)", "(°)"),  # spelling of some programs
     (r"∠", " phase "),
     (r"(?<![^\W_])([SZYG])\((\d)[,;](\d)\)", r"\1\2\3"),
     (r"_rad_(?:per_)?s(?:ec)?$", " rad/s"),
@@ -254,7 +254,7 @@ _REWRITTEN = (
     (r"(?<![\w.^])1\s*/\s*(?=[^\W\d]|[|(])", " inverse "),
     (r"\|\s*([^|]+?)\s*\|", r" abs(\1)"),
 )
-#: Functions of what a quantity is of: "Re(Z)", "dB(S(2,1))".
+#: Functions of the object of a quantity: "Re(Z)", "dB(S(2,1))".
 _FUNCTION = re.compile(
     r"(?<![^\W_])(re|im|real|imag|imaginary|abs|arg|ang|angle|phase|mag|magnitude|db|conj|(?:c?ang)_(?:deg|rad))"
     r"\(((?:[^()]|\([^()]*\))+)\)",
@@ -262,7 +262,7 @@ _FUNCTION = re.compile(
 )
 _BRACKET = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\})")
 _TAIL = re.compile(r"(?<=[\w)'⟫\]>|])(?:\s*([/_,])\s*|\s+(?:-\s+|(in)\s+)?)(?=[^\s(\[⟪-])")
-#: Where words are written as one: "Zmod", "ReZ", "FreqHz", "MagdB".
+#: Borders of words written as one: "Zmod", "ReZ", "FreqHz", "MagdB".
 _GLUED = re.compile(
     r"(?<=(?<![^\W\d_])[ZYGH])(?=(?:re|im|img|mod|abs|mag|ph|phz|phase|arg|real|imag)(?![^\W\d_]))|"
     r"(?<=[^\W\d_][a-z])(?=[A-Z][a-z]|[A-Z]{2}|dB|[ZYGH](?![^\W_]))"
@@ -275,12 +275,12 @@ _WORD = re.compile(
 
 
 class ColumnName(NamedTuple):
-    """What the name of a column says: its quantity, and how it is meant.
+    """Parsed name of a column: its quantity and how to use the numbers.
 
-    The quantity is one of `_QUANTITIES`, "complex", "level" of a signal, and empty where it is none; `part` is that of
-    a standard deviation. `inverse` says that the numbers are of 1/G, `is_conjugate` of its conjugate, `scale` which
-    power of G they are. `label` is what columns of one FRF share: `of_what`, and the socket. `unknown` are words that
-    stand in no table, hence names of a thing, or words that must not be ignored.
+    The quantity is one of `_QUANTITIES`, "complex", "level" for a signal, or empty; `part` is that of a standard
+    deviation. With `inverse` the numbers belong to 1/G, with `is_conjugate` to its conjugate; `scale` is their power of
+    G. `label` is common to the columns of one FRF: `of_what`, and the socket. `unknown` are words in no table, hence
+    names of a thing, or words that must not be ignored.
     """
 
     quantity: str = ""
@@ -297,7 +297,7 @@ class ColumnName(NamedTuple):
 
 @lru_cache(4096)
 def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> ColumnName:
-    """Parse the name of a column, with the unit that the file states of it apart from the name.
+    """Parse the name of a column, with the unit that the file states apart from the name.
 
     >>> column = parse_name("-Im(Z)/Ohm")
     >>> column.quantity, column.sign, column.unit.text, column.of_what, column.unknown
@@ -337,7 +337,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
 
 
 def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: bool) -> ColumnName:
-    """Return what the words of a name say together; what does not go together is unknown."""
+    """Return the combined meaning of the words of a name; words that do not fit are unknown."""
     names = found["name"] + found["no_name"]
     unit_text = unit_text or next(iter(found["unit"]), "")
     unit, named = parse_unit(unit_text), [one for one in _QUANTITIES if found[one]]
@@ -358,10 +358,10 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
         if logs and all(one.lower() in ("log", "log10", "lg") for one in logs):
             unit, logs = (unit or Unit(TURN))._replace(decades=1.0), []
     if quantity == "magnitude" and found["squared"]:
-        unit = unit or Unit(1.0)  # nobody squares decibels
+        unit = unit or Unit(1.0)  # decibels are never squared
     in_scale = unit is not None and unit.decades > 0
     n_squares = len(found["squared"]) + len(found["power"]) * (not in_scale)
-    odd = {  # words that mean nothing there
+    odd = {  # words without meaning for the quantity
         "lag": quantity != "phase",
         "lead": quantity != "phase",
         "loss": quantity != "magnitude",
@@ -389,7 +389,7 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
 
 
 def _quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
-    """Return the quantity that a unit alone stands for, as "dB", "S11(DEG)" and "Z/ohm" have it; empty for others."""
+    """Return the quantity implied by a unit alone, as in "dB", "S11(DEG)" and "Z/ohm"; empty for other units."""
     is_impedance = names in (["Z"], ["Y"]) and unit and unit.powers in map(_parse_powers, ("Ohm", "S"))
     if unit is not None and (unit.decades > 0 or is_impedance):
         return "magnitude"
@@ -397,7 +397,7 @@ def _quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
 
 
 def suits(quantity: str, unit: Unit | None) -> bool:
-    """Return whether a unit is one of a quantity, or of "time"."""
+    """Return whether a unit belongs to a quantity, or to "time"."""
     if unit is None:
         return False
     if quantity in ("frequency", "time"):
@@ -408,7 +408,7 @@ def suits(quantity: str, unit: Unit | None) -> bool:
 
 
 def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
-    """Return the numbers of a column in SI units, a frequency in Hz, of G itself: without sign, scale and inverse.
+    """Return the numbers of a column in SI units, a frequency in Hz; sign, scale and inverse are applied.
 
     >>> convert(parse_name("Attenuation (dB)"), np.array([20.0])), convert(parse_name("f [rad/min]"), np.array([60.0]))
     (array([0.1]), array([0.15915494]))
@@ -425,7 +425,7 @@ def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
 
 
 def _rewrite_function(found: re.Match[str]) -> str:
-    """Return a function as words: its argument is what the quantity is of, or its unit or quantity, as in "Im(Ohm)"."""
+    """Return a function as words: its argument is the object of the quantity, a unit or a quantity: "Im(Ohm)"."""
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
     is_written = argument.islower() and found[1].lower() in ("phase", "angle", "mag", "magnitude")
@@ -446,13 +446,13 @@ def _split_unit(written: str) -> tuple[str, str]:
             return inside, written[: found.start()] + written[found.end() :]
     for found in _TAIL.finditer(written):
         tail = written[found.end() :].strip()
-        is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, but behind a stroke or "in"
+        is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, except behind a stroke or "in"
         if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
             return tail, written[: found.start()]
     return "", written
 
 
 def _is_scale(word: str) -> bool:
-    """Return whether a word is a unit of ratios, angles or frequencies: these stand in names without brackets, too."""
+    """Return whether a word is a unit of ratios, angles or frequencies, which names contain without brackets, too."""
     unit = parse_unit(word) if len(word) > 1 or word in "°%" else None
     return unit is not None and (unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%")

@@ -1,4 +1,4 @@
-"""Arrays of NumPy (.npy): one array, or a table whose columns have names."""
+"""Arrays of NumPy (.npy): one array, or a table with named columns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nlfrf._base.own_process import Contents, require_size
 
 
 def contents(path: Path) -> Contents:
-    """Read the array as "data", whose columns are "data.1", "data.2"; fields of a structured array by their names."""
+    """Read an array as "data" with columns "data.1", "data.2"; a structured array by the names of its fields."""
     with path.open("rb") as stream:
         version = npy.read_magic(stream)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -22,7 +22,7 @@ def contents(path: Path) -> Contents:
     wanted = kind.itemsize * int(np.prod(shape, dtype=object))
     require_size(wanted, path.stat().st_size)
     if wanted > held:
-        raise ValueError(f"its header announces {wanted} bytes, and it holds {held}")
+        raise ValueError(f"its header announces {wanted} bytes, and it has {held}")
     array = np.load(path, allow_pickle=False)
     if array.dtype.names is None:
         return {"data": array}, {}, {}, {}

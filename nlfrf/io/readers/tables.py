@@ -1,4 +1,4 @@
-"""Tables written as text: CSV and similar, as instruments, spreadsheets and logging programs write them."""
+"""Tables written as text: CSV and similar, from instruments, spreadsheets and logging programs."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_t
 if TYPE_CHECKING:
     import pandas as pd
 
-_END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
+_END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once for the file, and once for each measurement
 _GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
-_WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # which has no decimal comma
+_WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # without a decimal comma
 #: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between tabs.
 _COMPLEX = re.compile(
     rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
@@ -29,30 +29,30 @@ _COMPLEX = re.compile(
     rf"(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
     re.I,
 )
-HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
-_MAX_WIDTH = 256  # columns that a table with fewer rows may have
-BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
+HEAD_BYTES = 1 << 17  # bytes in which the layout is searched
+_MAX_WIDTH = 256  # most columns of a table with fewer rows
+BLOCK_ROWS = 1 << 16  # rows of a long table that are read at once: pandas needs several times their memory
 _DATE, _DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
 def contents(path: Path) -> Contents:
-    """Read columns by name, with the units and clocks that the rows above the numbers state."""
+    """Read columns by name, with units and clocks from the rows above the numbers."""
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
     if _END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(_END_OF_LABVIEW_HEADER)) > 2:
-        raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
+        raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in its own file")
     if start.startswith(b"EXPLAIN") and (section := _GAMRY_IMPEDANCE.search(path.read_bytes())):
         return _read_table(section[0])
     tail = start[-200:].replace(b"\0", b"").decode("latin-1")
     if re.search(r"[ij]\)?\s|dB,|\t[^\s,]+,", tail, re.I) and _COMPLEX.search(tail):
         return _read_complex(decode_text(path.read_bytes()))
-    if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
+    if b"\0" in start:  # UTF-16, which pandas does not recognise
         return _read_table(decode_text(path.read_bytes()).encode())
     return _read_table(start, path)
 
 
 def _read_complex(text: str) -> Contents:
-    """Read a table with complex numbers, in place of each of which the parser finds its place among them."""
+    """Read a table with complex numbers; the parser gets the index of each number in its place."""
     numbers = [complex(np.nan)]
 
     def keep(found: re.Match[str]) -> str:
@@ -72,15 +72,15 @@ def _read_complex(text: str) -> Contents:
 
 
 def _read_table(start: bytes, path: Path | None = None) -> Contents:
-    """Read a table from the first bytes of a file, or from all of its bytes where no path is given."""
+    """Read a table from the first bytes of a file, or from all its bytes if there is no path."""
     head = start[:HEAD_BYTES]
     text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == HEAD_BYTES else head)
     layout = find_layout(text)
     size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
-    require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
+    require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is padded with nan
     if (width := len(layout.numeric)) > _MAX_WIDTH and width > 2 * n_lines:
         raise ValueError(
-            f"it has {layout.n_data_rows} rows of {width} columns: transpose it, one row a sample, one column a channel"
+            f"it has {layout.n_data_rows} rows of {width} columns: transpose it: rows are samples, columns channels"
         )
     long = path is not None and size > HEAD_BYTES
     try:
@@ -102,14 +102,14 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
     arrays = moments | arrays
     clocks, more = _clocks_of_table(header, list(columns), list(arrays))
     for name in () if any(map(is_time_name, arrays)) else moments:
-        clocks.setdefault("", name)  # by what it holds, whatever it is called
+        clocks.setdefault("", name)  # a time by its content, whatever its name
     return arrays | more, units, clocks, notes
 
 
 def _clocks_of_table(
     header: Header, columns: list[int], arrays: list[str]
 ) -> tuple[dict[str, float | str], dict[str, np.ndarray]]:
-    """Return the clock of each channel by its name, and what says of it more: starts [s], a sampling time."""
+    """Return the clock of each channel by its name, and more arrays for it: starts [s], a sampling time."""
     names, clocks = header.names, _own_time_columns(arrays)
     more: dict[str, np.ndarray] = {}
     channels = [i for i in columns if not is_time_name(names[i])]
@@ -128,7 +128,7 @@ def _clocks_of_table(
 
 
 def _own_time_columns(names: list[str]) -> dict[str, float | str]:
-    """Return the time column of each channel where each has one before it, all of one name.
+    """Return the time column of each channel if each has one before it, all with one name.
 
     >>> _own_time_columns(["time (ms)", "u", "time (ms).3", "y"]), _own_time_columns(["time", "u", "y"])
     ({'u': 'time (ms)', 'y': 'time (ms).3'}, {})
@@ -144,7 +144,7 @@ def _own_time_columns(names: list[str]) -> dict[str, float | str]:
 
 
 def count_lines(start: bytes, path: Path | None) -> int:
-    """Count the lines of a table, an upper bound of its rows."""
+    """Return the number of lines of a table, an upper bound of its rows."""
     if path is None:
         return 1 + start.count(b"\n") + start.count(b"\r")
     with path.open("rb") as stream:
@@ -152,7 +152,7 @@ def count_lines(start: bytes, path: Path | None) -> int:
 
 
 def _open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
-    """Open a table after its first `n_lines`: pandas would skip rows instead, whose quotes may not end."""
+    """Open a table behind its first `n_lines`: pandas would skip rows, whose quotes may not end."""
     stream = io.BytesIO(start) if path is None else path.open("rb")
     for _ in range(n_lines):
         stream.readline()
@@ -160,7 +160,7 @@ def _open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
 
 
 def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[int, str]]:
-    """Parse the columns of numbers, and dates and times as texts, by pandas; note cells that are no number."""
+    """Parse the columns of numbers, and dates and times as texts, with pandas; note cells that are no number."""
     import pandas as pd
 
     wanted = [i for i, numeric in enumerate(layout.numeric) if numeric or layout.moments[i]]
@@ -172,15 +172,15 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
         "encoding_errors": "replace",
         "index_col": False,
     }
-    if len(wanted) < len(layout.numeric):  # each of these costs time where it is not needed
+    if len(wanted) < len(layout.numeric):  # each of these options costs time
         options["usecols"] = wanted
     if layout.has_padding:
         options["skipinitialspace"] = True
     newer = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
-    exact: dict[str, object] = {} if newer else {"float_precision": "round_trip"}  # newer ones always are
+    exact: dict[str, object] = {} if newer else {"float_precision": "round_trip"}  # newer versions are always exact
     kinds: dict[int, type] = {i: float if layout.numeric[i] else str for i in wanted}
     empty = {"na_values": sorted(EMPTY_CELLS - {""})}
-    # pandas knows the usual words for an empty cell itself, and is a quarter slower with more of them
+    # pandas has the usual words for an empty cell, and is a quarter slower with more of them
     for more_empty in ({}, empty) if layout.decimal != layout.delimiter else ():
         try:
             all_options = exact | options | more_empty
@@ -201,7 +201,7 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
 
 
 def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame, dict[int, str]]:
-    """Return the numbers of columns that were read as texts, without comments and what stands below; note others."""
+    """Return the numbers of columns that were read as texts, without comments and text below; note other cells."""
     import pandas as pd
 
     numbers = [i for i in frame.columns if layout.numeric[i]]
@@ -212,7 +212,7 @@ def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame
         frame[i] = pd.to_numeric(column.str.strip(), errors="coerce")
     bare = frame[numbers].isna().all(axis=1)
     kept = ~(bare & first.str.slice(0, 1).isin(COMMENT_MARKS))
-    if bare.iloc[-1]:  # what stands below the numbers
+    if bare.iloc[-1]:  # text below the numbers
         kept.iloc[int(np.flatnonzero(~bare)[-1]) + 1 if not bare.all() else 0 :] = False
     frame, as_written = frame[kept], as_written[kept]
     notes = {}
@@ -265,7 +265,7 @@ def _seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[int, np.nda
 
 
 def _seconds_since_first(column: pd.Series) -> np.ndarray:
-    """Return the seconds since the first of texts that are dates with times, or times of a day."""
+    """Return the seconds since the first entry of texts with dates and times, or times of day."""
     import pandas as pd
 
     sample = str(column.iloc[0])

@@ -11,21 +11,21 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-_EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
+_EPOCH = np.datetime64("1904-01-01", "us")  # start of a waveform without a stated one
 
 
 def contents(path: Path) -> Contents:
     """Read channels as ``group.channel``, with their units and the step of their waveforms.
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package. The file is
-    handed over open: by its path npTDMS would believe an index file next to it.
+    This module is loaded by its path in its own process, so it imports nothing from this package. The file is passed
+    open, because with a path npTDMS would trust an index file next to it.
     """
     from nptdms import TdmsFile
 
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
     began: dict[str, np.datetime64] = {}
-    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
+    logging.getLogger("nptdms").setLevel(logging.ERROR)  # unreadable parts are refused here, not printed
     with path.open("rb") as stream:
         file = TdmsFile.read(stream)
     for group in file.groups():

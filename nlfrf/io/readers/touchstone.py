@@ -12,16 +12,16 @@ if TYPE_CHECKING:
 
 
 def contents(path: Path) -> Contents:
-    """Read S11, S21, ... as they stand in the file, each with its frequencies [Hz].
+    """Read S11, S21, ... as in the file, each with its frequencies [Hz].
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
     """
     from skrf.io.touchstone import Touchstone
 
     text = io.StringIO(re.sub(r"(?m)^\s*#(.*)$", _sort_options, path.read_text(encoding="latin-1"), count=1))
-    text.name = str(path)  # which says how many ports there are
+    text.name = str(path)  # the name gives the number of ports
     file = Touchstone(text)
-    if file.parameter.upper() != "S":  # scikit-rf keeps the others as S, and has read Y by the reference of Z
+    if file.parameter.upper() != "S":  # scikit-rf converts others to S, and reads Y by the reference of Z
         raise ValueError(f"it holds {file.parameter.upper()}-parameters: export S-parameters, or a table of the ratio")
     f, S = file.get_sparameter_arrays()
     ports = range(1, S.shape[1] + 1)
@@ -31,7 +31,7 @@ def contents(path: Path) -> Contents:
 
 
 def _sort_options(found: re.Match[str]) -> str:
-    """Return the line of options in the order that scikit-rf takes; the format allows any, and to leave some out.
+    """Return the line of options in the order of scikit-rf; the format allows any order, and missing options.
 
     >>> _sort_options(re.match("#(.*)", "# R 75 RI MHz"))
     '# MHz S RI R 75'

@@ -12,27 +12,27 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-#: How an export begins: the name of the scope, the file, and when the export starts, in quotes where blanks part cells.
+#: Begin of an export: name of the scope, file, and start of the export, in quotes if blanks separate cells.
 _EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
 
 
 def is_export(start: bytes) -> bool:
-    """Return whether a file that begins so is an export of TwinCAT Scope."""
+    """Return whether a file with these first bytes is an export of TwinCAT Scope."""
     return _EXPORT_HEAD.match(start) is not None
 
 
 def contents(path: Path) -> Contents:
     """Read channels by name, each with its unit and its own time axis [ms].
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
     """
     from pytcs import ScopeFile
 
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
     delimiter = text[4]
-    # pytcs takes neither blanks nor commas between cells
+    # pytcs accepts neither blanks nor commas between cells
     scope = ScopeFile(StringIO(_separate_by_tabs(text, delimiter) if delimiter in " ," else text))
-    scope.load(backend="pandas")  # its other backend cannot read from memory
+    scope.load(backend="pandas")  # the other backend cannot read from memory
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
     axes: dict[bytes, str] = {}
@@ -54,8 +54,8 @@ def _separate_by_tabs(text: str, delimiter: str) -> str:
     """Return the export with tabs between the cells.
 
     The header names every column, and the first row of numbers has as many cells as there are columns. Cells of the
-    header can hold the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the table
-    are left out, but for the names, without which nothing can be read.
+    header can contain the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the
+    table are left out. The row of names is refused, because it is needed.
     """
     lines = text.split("\n")
     first = next(i for i, line in enumerate(lines) if i > 4 and re.match(r"-?\d", line))
@@ -101,9 +101,9 @@ def _split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> 
 
 
 def _join_words(tokens: list[str], named: bool) -> list[str]:
-    """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that TwinCAT found a second time.
+    """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that occurs a second time.
 
-    That name is the longest run of words in front of "(1)" that stands somewhere before it too.
+    This name is the longest run of words in front of "(1)" that occurs earlier, too.
     """
     repeated: set[tuple[str, ...]] = set()
     if named:

@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
 _TIME_RESPONSE = 1
-_FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
-Dataset: TypeAlias = dict[str, Any]  # one of the file, by the names that pyuff has for its fields
+_FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and the suffix of the name
+Dataset: TypeAlias = dict[str, Any]  # a dataset of the file, by the field names of pyuff
 _AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
 def contents(path: Path) -> Contents:
     """Read time records by the names of their points, else by node and direction, each with its step or its times.
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
     """
     import pyuff
 
@@ -67,13 +67,13 @@ def _frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], di
 
 
 def _stated_unit(one: Dataset, axis: str) -> str:
-    """Return the unit of an axis, empty where the file states none."""
+    """Return the unit of an axis, empty if the file states none."""
     unit = str(one.get(f"{axis}_axis_units_lab") or "").strip()
     return "" if unit.upper() == "NONE" else unit
 
 
 def _record_name(one: Dataset) -> str:
-    """Return the name of a record's point, its first line, or its node and direction."""
+    """Return the name of a record: its first line, the name of its point, or its node and direction."""
     point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
     for name in (text, point):
         if name and name.upper() != "NONE":
@@ -82,6 +82,6 @@ def _record_name(one: Dataset) -> str:
 
 
 def _unused_name(name: str, names: Collection[str]) -> str:
-    """Return the name, numbered where another record has it."""
+    """Return the name, numbered if another record has it."""
     free = (name if i == 1 else f"{name}.{i}" for i in range(1, len(names) + 2))
     return next(one for one in free if one not in names)

@@ -1,4 +1,4 @@
-"""Sound files (.wav), by SciPy: a sampling frequency, one stream a channel, full scale 1."""
+"""Sound files (.wav), by SciPy: a sampling frequency, one stream per channel, full scale 1."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 def contents(path: Path) -> Contents:
     """Read channels ch1, ch2, ..., whole numbers divided by their full scale.
 
-    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
     """
     from scipy.io import wavfile
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks without sound
         fs, samples = wavfile.read(path)
     kind = samples.dtype
     if kind.kind == "u":

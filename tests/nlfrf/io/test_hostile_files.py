@@ -63,7 +63,7 @@ def test_numbers_of_another_file_are_never_a_channel(tmp_path):
     ways = set()
     for seed in range(40):
         path = elsewhere(tmp_path, np.random.default_rng(seed))
-        with pytest.raises(ValueError, match=r"other files are never read, copy the numbers into it") as refusal:
+        with pytest.raises(ValueError, match=r"other files are never read; copy the numbers into this one") as refusal:
             read_channels(path)
         assert "\n" not in str(refusal.value)
         ways.add((path.suffix, str(refusal.value).partition("': its '")[2].partition("' ")[2].partition(":")[0]))
