@@ -1,4 +1,4 @@
-"""A sampled controller around the rig: a design tried on the nonlinear machine.
+"""A sampled controller around the rig: a controller design is tried on the nonlinear machine.
 
                                  disturbance
 r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
@@ -39,31 +39,31 @@ from nlfrf.rig.laws.laws import UserLawData, pack_law
 
 #: Halvings of the step after which a loop that still runs away counts as diverged.
 MAX_HALVINGS = 6
-_MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-_MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
+_MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; more means an error in mass or stiffness
+_MAX_BATCH_SAMPLES = 250_000  # samples in one task of an executor: 10 MB, a second or less
 _UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 
 @value(kw_only=False)
 class Controller:
-    """A sampled controller as it runs at a machine: u = K (r - y), late, limited, reading a sensor of finite steps.
+    """A sampled controller on a machine: u = K (r - y), with delay, limit, and a sensor of finite resolution.
 
     Parameters
     ----------
     K : state space
         Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs, sampled with dt [s].
     delay : float
-        From sampling to the force changing [s]; any part of a sample, or several.
+        Delay from sampling to the change of the force [s]; any fraction of a sample, or several samples.
     saturation : float or (n_u,) ndarray
-        Largest force the actuators give, either way [N].
+        Largest force of the actuators, in either direction [N].
     resolution : float or (n_y,) ndarray
         Step of the position sensors [m]; zero for none.
 
     Raises
     ------
     ValueError
-        A controller that is continuous, or whose matrices are not finite, real and of shapes that fit; a delay, limit
-        or step that is negative.
+        A controller that is continuous, or whose matrices are not finite, not real or of wrong shapes; a negative
+        delay, limit or resolution.
 
     References
     ----------
@@ -77,7 +77,7 @@ class Controller:
     1000.0
     """
 
-    K: Any  # of any library of state spaces
+    K: Any  # a state space of any library
     delay: float = 0.0
     saturation: ArrayLike = np.inf
     resolution: ArrayLike = 0.0
@@ -104,7 +104,7 @@ class Controller:
             if matrix.dtype.kind not in "fiu":
                 raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
             if not np.isfinite(matrix).all():
-                raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
+                raise ValueError(f"K must have finite matrices, got a nonfinite number in {name}")
         A, B, C, D = (matrix.astype(float) for matrix in given.values())
         D = np.atleast_2d(D)
         if D.shape != (n_outputs, n_inputs):
@@ -130,7 +130,7 @@ class Controller:
 
 
 def as_controller(given: object) -> Controller:
-    """Return a controller as it is; a state space alone acts at once, without limits."""
+    """Return a `Controller` unchanged; a state space alone acts without delay and limits."""
     return given if isinstance(given, Controller) else Controller(given)
 
 
@@ -143,7 +143,7 @@ def run_axes_loop(
     initial: ArrayLike,
     steps: int,
 ) -> Trajectory:
-    """Simulate a sampled controller matrix around a rig of matrices; arguments as of `run`."""
+    """Simulate a sampled controller matrix around a rig with several axes; arguments as in `run`."""
     r = require_samples("signal", r, channels=rig.n_outputs)
     n, fs = r.shape[1], controller.fs
     K = [np.ascontiguousarray(part) for part in controller.matrices(rig.n_outputs, rig.n_inputs)]
@@ -151,8 +151,8 @@ def run_axes_loop(
     rows = [signal_rows(name, signals[name], n, n_rows=width) for name, width in channels.items()]
     samples = [np.ascontiguousarray(one.T) for one in rows]
     begin = initial_axes(initial, rig.n_axes)
-    late = min(controller.delay * fs, n)  # all later is after the end
-    for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+    late = min(controller.delay * fs, n)  # a longer delay ends behind the last sample
+    for halving in range(MAX_HALVINGS + 1):  # a run that does not reach the end is repeated with shorter steps
         numbers = fs, *controller.limits(rig.n_outputs, rig.n_inputs), late, steps * 2**halving
         length, found, lost = _run_axes_once(
             rig, K, r=np.ascontiguousarray(r.T), signals=samples, begin=begin, numbers=numbers
@@ -173,7 +173,7 @@ def _run_axes_once(
     begin: np.ndarray,
     numbers: tuple[float | np.ndarray, ...],
 ) -> tuple[int, dict[str, np.ndarray], float]:
-    """Call the compiled code once: samples reached, channels (.., n) of the signals, loops forgotten."""
+    """Call the compiled code once; return the samples reached, the signals (.., n), and the loops forgotten."""
     from nlfrf.rig.kernels.coupled import run_axes_loop as run_compiled
 
     laws, grids = axes.pack_laws(rig.friction)
@@ -191,7 +191,7 @@ def _run_axes_once(
 
 
 def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
-    """Return the memory of axes (2, n) that begin at a position and velocity, their friction relaxed."""
+    """Return the memory of axes with initial positions and velocities (2, n) and relaxed friction."""
     memory = initial_memory(rig)
     memory.state[:, packing.X], memory.state[:, packing.V] = begin
     dry = laws[:, 0] == packing.COULOMB
@@ -200,28 +200,28 @@ def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
 
 
 def _broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
-    """Return (n,) limits from one for all channels or one for each; a saturation may be infinite, a resolution zero."""
+    """Return (n,) limits from one number or one per channel; a saturation may be infinite, a resolution zero."""
     if np.ndim(given) > 0 and np.shape(given) != (n,):
-        raise ValueError(f"{name} must be one number or {n}, one a channel, got shape {np.shape(given)}")
+        raise ValueError(f"{name} must be one number or {n}, one per channel, got shape {np.shape(given)}")
     check = require_nonnegative if name == "resolution" else require_positive
     found = np.broadcast_to(np.asarray(given, dtype=float), (n,)).tolist()
     return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
 
 
 def signal_rows(name: str, signal: ArrayLike | None, n: int, *, n_rows: int | None = None) -> np.ndarray:
-    """Return (rows, n) signals, one a run or one a channel, of which there have to be `n_rows`; zeros if not given."""
+    """Return (rows, n) signals, one per run or per channel, with `n_rows` required; zeros if not given."""
     if signal is None:
         return np.zeros((n_rows or 1, n))
     rows = require_real_array(name, np.atleast_2d(signal), ndim=2)
     if rows.shape[1] != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {rows.shape[1]}")
     if n_rows is not None and len(rows) != n_rows:
-        raise ValueError(f"{name} must have {n_rows} channels, as the rig has, got {len(rows)}")
+        raise ValueError(f"{name} must have {n_rows} channels, like the rig, got {len(rows)}")
     return rows
 
 
 def initial_axes(initial: ArrayLike, n: int) -> np.ndarray:
-    """Return (2, n) positions and velocities of the axes; a single pair is that of every axis."""
+    """Return (2, n) positions and velocities of the axes; a single pair holds for every axis."""
     initial = np.asarray(initial, dtype=float)
     if initial.shape == (2,):
         initial = np.repeat(initial[:, None], n, axis=1)
@@ -242,10 +242,10 @@ class _LoopRuns:
     rig : Rig
     fs : float
     steps : int
-        Integration steps a sample.
+        Integration steps per sample.
     rows : dict of str to ndarray
-        One row a run, or one that all share: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r,
-        disturbance, noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
+        One row per run, or one for all: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance,
+        noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
     """
 
     rig: Rig
@@ -255,7 +255,7 @@ class _LoopRuns:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of runs, and of samples of each."""
+        """Number of runs, and of samples in each."""
         return max(map(len, self.rows.values())), self.rows["r"].shape[1]
 
     def select_runs(self, chosen: np.ndarray | slice, steps: int) -> _LoopRuns:
@@ -265,9 +265,9 @@ class _LoopRuns:
 
 
 def simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
-    """rows (R, n, 5) of x, v, y, u and friction at each sample, lengths up to where a run ran away, loops lost.
+    """Return rows (R, n, 5) of x, v, y, u and friction per sample, the length of each run, and the loops forgotten.
 
-    What does not reach the end is run again with shorter steps, before it is believed.
+    A run that does not reach the end is repeated with shorter steps.
     """
     found = _attempt(runs)
     for halving in range(1, MAX_HALVINGS + 1):
@@ -281,14 +281,14 @@ def simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
 
 
 def _attempt(runs: _LoopRuns) -> dict[str, np.ndarray]:
-    """One call of the compiled code for all runs."""
+    """Call the compiled code once for all runs."""
     n_runs, n = runs.shape
     law, grid = pack_law(runs.rig.friction)
     body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
     memory = packing.initial_memory(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))
     stacks = np.tile(memory.stack, (n_runs, 1, 1))
-    # copies: the code was compiled for arrays that can be written
+    # copies, because the code is compiled for writable arrays
     given = {
         name: np.array(np.broadcast_to(part, (n_runs, *part.shape[1:])), order="C") for name, part in runs.rows.items()
     }
@@ -326,7 +326,7 @@ def _loops_kernel(law: packing.Law) -> Callable[..., None]:
 
 
 def _reduce_runs(of: Callable[[Trajectory], object], runs: _LoopRuns) -> dict[str, Any]:
-    """Simulate loops and return `of(response)` of each, so that little travels between processes."""
+    """Simulate loops and return `of(response)` of each, so that little data is sent between processes."""
     out = simulate_runs(runs)
     try:
         return {"found": _collect_results(runs, out, of), "lost": out["lost"]}
@@ -369,7 +369,7 @@ def run_one_loop(
     initial: ArrayLike,
     steps: int,
 ) -> Trajectory:
-    """Simulate a sampled controller around a rig of one axis; arguments as of `run`."""
+    """Simulate a sampled controller around a rig with one axis; arguments as in `run`."""
     r = require_samples("signal", r)
     rows = {name: signal_rows(name, signal, r.size, n_rows=1) for name, signal in signals.items()}
     begin = initial_axes(initial, 1).T
@@ -380,7 +380,7 @@ def run_one_loop(
 
 
 class _StackOptions(TypedDict, total=False):
-    """How a stack of loops is driven and computed, by the names of the arguments of `run_loops`."""
+    """Options of a stack of loops; the names are arguments of `run_loops`."""
 
     disturbance: ArrayLike | None
     noise: ArrayLike | None
@@ -415,42 +415,44 @@ def run_loops(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> list[Trajectory] | list[Result]:
-    """Run many loops around one rig in compiled code: controllers, disturbances and initial states, one a run.
+    """Run many loops around one rig in compiled code: controllers, disturbances and initial states, one per run.
+
+    Use this for tables of gains or random cases; `run` simulates a single loop.
 
     Parameters
     ----------
     rig : Rig
-        The machine, of one axis.
+        The machine, with one axis.
     r, disturbance, noise : (n,) or (R, n) ndarray
-        As in `run`, for all runs or one a run.
+        As in `run`, for all runs or one per run.
     controllers : sequence of Controller or state space
-        One a run, all of one sampling time; a single one serves all runs.
+        One per run, all with one sampling time; a single one is used for all runs.
     of : callable, optional
-        What is wanted of each run, ``lambda response: response.outcome(0.2)`` say. The trajectories themselves are
-        let go, so that thousands of runs take no memory. With an executor, a function that pickles (of a module, or a
-        `functools.partial` of one) is called where the run is computed, and only what it gives comes back; a lambda
-        is called here, and so is any function with `resume`, whose folder keeps the runs themselves.
+        Function of each run whose result is wanted, as ``lambda response: response.outcome(0.2)``. The trajectories
+        are released, so that thousands of runs take no memory. With an executor, a function that pickles (from a
+        module, or a `functools.partial` of one) is called in the worker, and only its result returns. A lambda is
+        called here, and so is any function with `resume`, whose folder keeps the runs themselves.
     initial : (2,) or (R, 2) ndarray
-        Position [m] and velocity [m/s] at the begin.
+        Position [m] and velocity [m/s] at the start.
     oversampling : int
         As in `run`.
     executor : concurrent.futures.Executor, optional
-        Where the runs are computed; one thread per core when not given.
+        Executor of the runs; by default one thread per core.
     progress : callable, optional
         Called with the number of parts done and their total.
     resume : path, optional
-        Folder that keeps every finished part, 40 bytes a sample. Run again after an interruption, with the same
-        arguments, only the others are computed.
+        Folder that keeps every finished part, 40 bytes per sample. A repeated call with the same arguments, after an
+        interruption, computes only the others.
 
     Returns
     -------
-    list of Trajectory, or of what `of` gives
+    list of Trajectory, or of results of `of`
         In the order of the runs.
 
     Raises
     ------
     ValueError
-        As `run`; numbers of runs that do not agree.
+        As in `run`; also numbers of runs that do not agree.
 
     References
     ----------
@@ -485,7 +487,7 @@ def run_loops(
     )
     most = max(1, _MAX_BATCH_SAMPLES // n)
     batches = [runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)]
-    # what a folder keeps are the runs themselves, whatever is wanted of them
+    # a folder keeps the runs themselves, whatever `of` is
     there = of is not None and executor is not None and resume is None and can_pickle(of)
     task = partial(_reduce_runs, of) if of is not None and there else simulate_runs
     found: dict[int, list[object]] = {}
@@ -496,9 +498,9 @@ def run_loops(
 
 
 def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> _LoopRuns:
-    """Check the arguments and stack them with one row a run; controllers of fewer states are padded by zeros.
+    """Check the arguments and stack them with one row per run; controllers with fewer states are padded by zeros.
 
-    given holds rows of r, disturbance, noise and initial, each once or one a run.
+    given holds rows of r, disturbance, noise and initial, each once or one per run.
     """
     counts = {name: len(part) for name, part in given.items()} | {"controllers": len(controllers)}
     n_runs, fs = max(counts.values()), controllers[0].fs
@@ -522,7 +524,7 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
         "r": given["r"],
         "disturbance": given["disturbance"],
         "noise": given["noise"],
-        "delay": np.minimum([one.delay * fs for one in controllers], given["r"].shape[1]),  # all later is after the end
+        "delay": np.minimum([one.delay * fs for one in controllers], given["r"].shape[1]),  # at most the whole run
         "saturation": limits[:, 0],
         "resolution": limits[:, 1],
         "initial": initial,
@@ -539,11 +541,11 @@ def _stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.nda
 
 
 def steps_per_sample(rig: Rig, fs: float, oversampling: int) -> int:
-    """Return the integration steps per sample: `oversampling`, or more where the rig needs them."""
+    """Return the integration steps per sample: `oversampling`, or more if the rig needs them."""
     needed = int(np.ceil(1 / (fs * rig.stable_step)))
     if needed > _MAX_STEPS_PER_SAMPLE:
         raise ValueError(
-            f"fs must leave the rig at most {_MAX_STEPS_PER_SAMPLE} integration steps a sample, got {fs:g} Hz with "
+            f"fs must leave the rig at most {_MAX_STEPS_PER_SAMPLE} integration steps per sample, got {fs:g} Hz with "
             f"{needed}: its stable step is {rig.stable_step:.2g} s"
         )
     return max(require_integer("oversampling", oversampling, least=1), needed)

@@ -1,4 +1,4 @@
-"""A drive: gains, filters, sampling and units, of a simulated axis as of a real one.
+"""A drive: gains, filters, sampling and units, for a simulated or a real axis.
 
 r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->[delay]-->[1/(lag s + 1)]--> motor
      -^             -^
@@ -27,14 +27,14 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 
 
 class _FilterSlot(Protocol):
-    """What runs in a filter slot of a drive: `Notch`, `LowPass` and `Biquad` of `robust.tuning` do."""
+    """Interface of a filter slot of a drive: `Notch`, `LowPass` and `Biquad` of `robust.tuning` have it."""
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1."""
 
 
 class _Scale(NamedTuple):
-    """Unit of a measured position, and how many m or rad of the velocity loop it is."""
+    """Unit of a measured position, and its factor to m or rad of the velocity loop."""
 
     unit: str
     factor: float
@@ -42,9 +42,9 @@ class _Scale(NamedTuple):
 
 @value
 class Drive:
-    """What is typed into a drive: a position P, a velocity PI, filters, and the units of it all.
+    """Settings of a drive: a position P, a velocity PI, filters, and their units.
 
-    While the output is limited, the integrator of a simulated axis does not run further into the limit.
+    Anti-windup: while the output is limited, the integrator of a simulated axis does not move further into the limit.
 
     Parameters
     ----------
@@ -59,42 +59,41 @@ class Drive:
     tn : float
         Reset time of the velocity loop [s], not in ms; infinite: no integral part.
     torque_constant : float
-        Force per current [N/A] or [Nm/A], in the coordinate of the velocity loop; nan where it is not known.
+        Force per current [N/A] or [Nm/A], in the coordinate of the velocity loop; nan if unknown.
     lag : float
         Time constant of the current loop [s].
     delay_periods : float
-        From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
+        Delay from sampling to the change of the current set point, in periods of `fs`; any fraction of one, or several.
     filters : tuple of Notch, LowPass, Biquad, or (S, 6) ndarray
-        Between the velocity loop and the limit: elements of `robust.tuning`, or second-order sections as scipy.signal
-        makes them.
+        Filters between the velocity loop and the limit: elements of `robust.tuning`, or second-order sections in the
+        format of scipy.signal.
     position_every : int
-        The position loop runs in every so many periods of the velocity loop.
+        Number of periods of the velocity loop per period of the position loop.
     encoder : str
-        "motor" or "load": which of them both loops read. "both": velocity of the motor, position of the load.
+        "motor" or "load": the encoder that both loops read. "both": velocity of the motor, position of the load.
     velocity_lag : float
         Time constant of a low-pass on the velocity, the difference of two positions [s].
-    observer_frequency : float
-        Natural frequency [Hz] of an observer in place of the differences: a tracking loop of second order, critically
+        Natural frequency [Hz] of an observer instead of differences: a tracking loop of second order, critically
         damped, s/(s/omega + 1)^2. nan: differences.
     velocity_feedforward : float
-        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1; the presets of
+    velocity_feedforward : float
+        Share of the velocity of the position set point that is fed to the velocity loop, 0 to 1; the presets of
         `nlfrf.servo_axis` have 1.
     limit : float
-        Of the current or force set point, either way, in the output unit of `kp_unit`.
+        Limit of the current or force set point, in either direction, in the output unit of `kp_unit`.
     position_unit, load_unit : str
-        Unit in which the position is measured, of the load with two encoders: "m", "mm", "um", "rad", "deg", "rev", or
-        any other ("counts") with its factor. That of `kp_unit`, in m or rad, when not given.
+        Unit of the measured position; `load_unit` for the load with two encoders: "m", "mm", "um", "rad", "deg",
+        "rev", or any other ("counts") with its factor. By default that of `kp_unit`, m or rad.
     unit_factor, load_factor : float
-        How many units of the velocity loop (m or rad) one `position_unit`, one `load_unit` is. Needed where they are
-        not multiples of one another: rad of a motor behind a screw for a position in mm, counts.
+        Units of the velocity loop (m or rad) per `position_unit`, per `load_unit`. Needed if they are not multiples of
+        each other: rad of a motor behind a screw for a position in mm, counts.
     assumed : tuple of str
-        Settings that nobody gave, which stand at their defaults: printed as assumed.
+        Settings at their defaults because they were not given; printed as assumed.
 
     Raises
     ------
     ValueError
-        Numbers out of range, a unit that is not known, a factor that is missing, filters that are no second-order
-        sections.
+        Numbers out of range, an unknown unit, a missing factor, filters that are no second-order sections.
 
     References
     ----------
@@ -151,19 +150,19 @@ class Drive:
 
     @property
     def sections(self) -> np.ndarray:
-        """Return (S, 6) second-order sections of the filters."""
+        """(S, 6) second-order sections of the filters."""
         slots = [slot if isinstance(slot, np.ndarray) else slot.section(self.fs) for slot in self.filters]
         return np.array(slots, dtype=float).reshape(-1, 6)
 
     @property
     def position_scale(self) -> _Scale:
-        """Return unit of the measured position, of the motor with two encoders."""
+        """Unit of the measured position; with two encoders that of the motor."""
         unit = self.position_unit or self.base_unit
         return _Scale(unit, _scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
 
     @property
     def load_scale(self) -> _Scale:
-        """Return unit of the measured position of the load."""
+        """Unit of the measured position of the load."""
         position = self.position_scale
         unit = self.load_unit or position.unit
         if np.isnan(self.load_factor) and unit == position.unit:
@@ -172,7 +171,7 @@ class Drive:
 
     @property
     def velocity_from(self) -> str:
-        """Return "differences" or "observer"."""
+        """Source of the velocity, "differences" or "observer"."""
         return "differences" if np.isnan(self.observer_frequency) else "observer"
 
     @property
@@ -182,7 +181,7 @@ class Drive:
 
     @property
     def delay(self) -> float:
-        """From sampling to the current set point changing [s]."""
+        """Delay from sampling to the change of the current set point [s]."""
         return self.delay_periods / self.fs
 
     @property
@@ -192,21 +191,21 @@ class Drive:
 
     @property
     def output_unit(self) -> str:
-        """Unit of what the velocity loop puts out: "A", "N" or "Nm"."""
+        """Unit of the output of the velocity loop: "A", "N" or "Nm"."""
         return parse_gain_unit(self.kp_unit)[0]
 
     @property
     def force_unit(self) -> str:
-        """Unit of the force on the coordinate of the velocity loop: "N" or "Nm"."""
+        """Unit of the force in the coordinate of the velocity loop: "N" or "Nm"."""
         return {"m": "N", "rad": "Nm"}[self.base_unit]
 
     @property
     def gain(self) -> float:
-        """The gain kp [A, N or Nm over m/s or rad/s]."""
+        """Gain kp [A, N or Nm over m/s or rad/s]."""
         return self.kp * parse_gain_unit(self.kp_unit)[2]
 
     def output_factor(self, unit: str) -> float:
-        """Return the factor from what the velocity loop puts out to a current [A] or a force [N] or [Nm]."""
+        """Return the factor from the output of the velocity loop to a current [A] or a force [N] or [Nm]."""
         if unit == self.output_unit:
             return 1.0
         if {unit, self.output_unit} != {"A", self.force_unit}:
@@ -249,7 +248,7 @@ class Drive:
 
 
 def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
-    """Return filters as a tuple of elements and of sections, or a refusal."""
+    """Return filters as a tuple of elements or of sections; refuse anything else."""
     if isinstance(given, tuple | list) and all(hasattr(one, "section") for one in given):
         return tuple(given)
     sections = require_real_array("filters", given, ndim=2)
@@ -262,5 +261,5 @@ def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
 
 
 def _scale_factor(name: str, given: float, unit: str, base: str) -> float:
-    """Return how many base units one unit is: as it was given, or as its name says."""
+    """Return the number of base units in one unit: as given, or by its name."""
     return position_factor(name, unit, base) if np.isnan(given) else given

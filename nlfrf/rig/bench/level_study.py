@@ -1,4 +1,4 @@
-"""The best linear approximation over levels of excitation: how it moves, and how fast the distortion grows."""
+"""The best linear approximation over levels of excitation, and the growth of the distortion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LevelStudy:
     rms : (L,) ndarray
         Levels of the excitation [N].
     blas : tuple of L Bla
-        What was identified at each; as a list, a plant family for `robust.uncertainty`.
+        Result at each level; as a list, a plant family for `robust.uncertainty`.
 
     References
     ----------
@@ -53,7 +53,7 @@ class LevelStudy:
 
     @property
     def distortion(self) -> np.ndarray:
-        """(L, F) variance of one realisation's FRF by distortion over |G|^2."""
+        """(L, F) variance by distortion of the FRF of one realisation, over |G|^2."""
         return np.stack([bla.var_distortion / np.abs(bla.G) ** 2 for bla in self.blas])
 
     @property
@@ -75,7 +75,7 @@ def level_study(
     progress: Callable[[int, int], object] | None = None,
     resume: str | PathLike[str] | None = None,
 ) -> LevelStudy:
-    """Run the same multisine through a rig at several levels and identify each.
+    """Run the same multisine through a rig at several levels, and identify the BLA at each.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def level_study(
     rms : (L,) ndarray
         Levels [N], at least two, increasing.
     n_periods, n_discard, oversampling, executor, resume
-        As for `nlfrf.simulate`.
+        As in `nlfrf.simulate`.
     progress : callable, optional
         Called with the realisations done and the total, over all levels.
 
@@ -97,7 +97,7 @@ def level_study(
     Raises
     ------
     ValueError
-        Levels that are not positive and increasing; what `simulate` and `identify` refuse.
+        Levels that are not positive and increasing; also as in `simulate` and `identify`.
 
     References
     ----------
@@ -105,7 +105,7 @@ def level_study(
 
     Examples
     --------
-    In small motions the friction of the paper distorts by its creep, |v| Fh/s, which is of second degree (and odd):
+    In small motions the friction of the paper distorts by its creep, |v| Fh/s, of second degree (and odd):
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig

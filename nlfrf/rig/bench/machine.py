@@ -1,4 +1,4 @@
-"""Several coupled axes: checks of their matrices and laws, and the arrays that compiled code reads.
+"""Several coupled axes: checks of their matrices and laws, and the arrays for compiled code.
 
 M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force,    y = sensors @ q
 """
@@ -16,12 +16,12 @@ from nlfrf.rig.laws.laws import Friction, pack_law
 
 Laws = Sequence[Friction | None]
 FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sensors", "inputs", "outputs")
-#: Rounding of a matrix that was computed: numbers smaller than this share of its largest one count as zero.
+#: Rounding of a computed matrix: numbers below this share of its largest one count as zero.
 _SYMMETRY_TOLERANCE = 1e-9
 
 
 def check_axes(given: Mapping[str, object]) -> dict[str, object]:
-    """Check the fields of a machine of several axes; return them as read-only arrays."""
+    """Check the fields of a machine with several axes; return them as read-only arrays."""
     mass = require_real_array("mass", given["mass"], ndim=2)
     n = len(mass)
     if mass.shape != (n, n) or n == 0:
@@ -32,7 +32,7 @@ def check_axes(given: Mapping[str, object]) -> dict[str, object]:
         none = np.asarray(given[name]).ndim == 0 and given[name] == 0
         found[name] = np.zeros((n, n)) if none else _require_square(name, given[name], n)
     _require_definite("stiffness", found["stiffness"], least=-_SYMMETRY_TOLERANCE)
-    # the part that is not symmetric is gyroscopic: it takes no energy
+    # the antisymmetric part is gyroscopic and dissipates no energy
     _require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-_SYMMETRY_TOLERANCE)
     if given["cubic"] is not None:
         found["cubic"] = _require_square("cubic", given["cubic"], n)
@@ -51,10 +51,10 @@ def check_axes(given: Mapping[str, object]) -> dict[str, object]:
 
 
 def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
-    """Return the channel names of a machine of one axis; refuse fields that only several axes have."""
+    """Return the channel names of a machine with one axis; refuse fields for several axes."""
     for name in ("cubic", "actuators", "sensors"):
         if given[name] is not None:
-            raise ValueError(f"{name} must be left out for one axis, or the mass be a (1, 1) matrix, got {name}")
+            raise ValueError(f"{name} must be left out for one axis, or mass must be a (1, 1) matrix, got {name}")
     found = {}
     for name, default in (("inputs", "force"), ("outputs", "position")):
         found[name] = channel_names(name, given[name], 1) or (default,)
@@ -69,7 +69,7 @@ def _check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     for i, law in enumerate(friction):
         if law is not None and pack_law(law)[0].form == packing.OWN:
             raise ValueError(
-                f"friction[{i}] must be one of the laws of nlfrf.friction where there are several axes, got OwnFriction"
+                f"friction[{i}] must be one of the laws of nlfrf.friction for several axes, got OwnFriction"
             )
     return tuple(friction)
 
@@ -87,9 +87,9 @@ def _placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndar
         return np.eye(n)
     matrix = require_real_array(name, given, ndim=2)
     if matrix.shape[axis] != n or 0 in matrix.shape:
-        raise ValueError(f"{name} must have {n} {('rows', 'columns')[axis]}, one an axis, got shape {matrix.shape}")
+        raise ValueError(f"{name} must have {n} {('rows', 'columns')[axis]}, one per axis, got shape {matrix.shape}")
     if not np.abs(matrix).max(axis=axis).all():
-        raise ValueError(f"{name} must reach some axis with every channel, got one of zeros only")
+        raise ValueError(f"{name} must act on some axis with every channel, got a channel of zeros")
     return matrix
 
 
@@ -124,15 +124,15 @@ def poles(
 def stack_matrices(
     mass: np.ndarray, stiffness: np.ndarray, *, damping: np.ndarray, cubic: np.ndarray | None
 ) -> np.ndarray:
-    """Return (4 or 5, n, n) mass, its inverse, stiffness, damping, cubic springs where there are any."""
+    """Return (4 or 5, n, n) mass, its inverse, stiffness, damping, and cubic springs if there are any."""
     parts = [mass, np.linalg.inv(mass), stiffness, damping] + ([] if cubic is None else [cubic])
     return np.stack(parts)
 
 
 def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n, 11) numbers of the laws, -1 first where there is none, and (n, 7, E) tables or elements, padded.
+    """Return (n, 11) numbers of the laws, -1 first without a law, and (n, 7, E) tables or elements, padded.
 
-    An element of no stiffness and no strength adds nothing, and no z lies beyond a point of a table at infinity.
+    An element without stiffness and strength adds nothing, and a point of a table at infinity is never reached.
     """
     packed = [None if law is None else pack_law(law) for law in friction]
     widest = max([1, *(one[1].shape[1] for one in packed if one)])
@@ -150,7 +150,7 @@ def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
 
 
 def initial_memory(friction: Laws) -> packing.Memory:
-    """Return the memories of axes that have never moved: (n, N_STATES) and (n, 4, entries)."""
+    """Return the memories of axes at rest: (n, N_STATES) and (n, 4, entries)."""
     packed = [pack_law(law) for law in friction if law is not None]
     entries = max([1, *(packing.initial_memory(law.curve, grid).stack.shape[1] for law, grid in packed)])
     return packing.Memory(np.zeros((len(friction), packing.N_STATES)), np.zeros((len(friction), 4, entries)))
@@ -165,7 +165,7 @@ def integrate_axes(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """Integrate over forces (n, 3, axes); (n / substeps, 4, axes) or None where the step is not stable.
+    """Integrate over forces (n, 3, axes); return (n / substeps, 4, axes), or None if the step is not stable.
 
     The four are position, velocity, z and friction force.
     """

@@ -1,4 +1,4 @@
-"""The motion of a rig through any force, from rest; the friction of a motion that is prescribed."""
+"""The motion of a rig under any force, from rest; the friction force of a prescribed motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _UNITS = {"x": "m", "v": "m/s", "z": "m", "friction": "N"}
 
 
 def run_rig(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int, hold: str) -> Trajectory:
-    """Run the rig from rest through any force (n,), or (n_u, n) of a rig of matrices, periodic or not."""
+    """Run the rig from rest under any force (n,), or (n_u, n) for several axes, periodic or not."""
     samples = require_samples("signal", force, channels=rig.n_inputs if rig.several else None)
     fs = require_positive("fs", fs)
     require_choice("hold", hold, ("linear", "zoh"))
@@ -41,7 +41,7 @@ def run_rig(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int, hold: s
 
 
 def run_law(friction: Friction, v: ArrayLike, *, fs: float, oversampling: int) -> Trajectory:
-    """Compute the friction force for a prescribed velocity, straight between samples, from rest."""
+    """Return the friction force for a prescribed velocity, linear between samples, from rest."""
     velocity = require_samples("signal", v)
     fs = require_positive("fs", fs)
     require_integer("oversampling", oversampling, least=1)
@@ -63,7 +63,7 @@ def _move(
     oversampling: int,
     unit: str,
 ) -> Trajectory:
-    """Return what the integrator gives at an oversampling, which is refused where its step is not stable."""
+    """Return the result of the integrator at an oversampling; refuse an unstable step."""
     out, memory = integrate_at(oversampling)
     if out is None:
         raise unstable_step_error(fs, oversampling, lambda steps: integrate_at(steps)[0] is not None)
@@ -73,9 +73,9 @@ def _move(
 
 
 def _force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
-    """Return the force at begin, middle and end of each integration step, (n oversampling, 3) or (.., 3, n_u).
+    """Return the force at start, middle and end of each integration step, (n oversampling, 3) or (.., 3, n_u).
 
-    samples (n,) or (n_u, n) are interpolated with hold "linear", the last one held, and held one period otherwise.
+    With hold "linear" the samples (n,) or (n_u, n) are interpolated, and the last one is held; else each is held.
     """
     step = np.arange(oversampling)[:, np.newaxis]
     fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))

@@ -3,7 +3,7 @@
     m x'' + c x' + k x + friction(x') = force                                          one axis
     M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
 
-`Rig` is the machine; `nlfrf.rig.run` takes it from rest through any force, `nlfrf.simulate` through multisines.
+`Rig` is the machine; `nlfrf.rig.run` runs it from rest under any force, `nlfrf.simulate` under multisines.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from nlfrf.rig.laws.laws import Leuven, LuGre, pack_law
 
 #: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
 _RUNGE_KUTTA_REAL_LIMIT = 2.785
-#: Relative error at the resonance of the stuck rig above which a step is called coarse.
+#: Relative error at the resonance of the stuck rig above which a step is reported as coarse.
 _MAX_RESONANCE_ERROR = 0.01
 
 
 def _longest_step(pole: complex) -> float:
-    """Return the longest step [s] with which the Runge-Kutta method of order 4 keeps the mode of a pole from growing.
+    """Return the longest step [s] with which the fourth-order Runge-Kutta method keeps a mode from growing.
 
-    inf for a pole at zero, and for an unstable one, which grows with every step.
+    inf for a pole at zero, and for an unstable pole, which grows with every step.
     """
     if abs(pole) == 0 or pole.real > 0:
         return np.inf
@@ -41,7 +41,7 @@ def _longest_step(pole: complex) -> float:
         q = length * direction
         return abs(1 + q + q**2 / 2 + q**3 / 6 + q**4 / 24)
 
-    low, high = 0.0, 4.0  # along every ray into the left half plane growth passes 1 once before 4
+    low, high = 0.0, 4.0  # along every ray in the left half plane growth passes 1 once below 4
     for _ in range(25):
         middle = (low + high) / 2
         low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
@@ -58,7 +58,7 @@ def require_stable_step(longest: float, fs: float, oversampling: int) -> None:
 
 
 def unstable_step_error(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
-    """Return the error for a step that is unstable in sliding, with an oversampling that was tried and is stable."""
+    """Return the error for a step that is unstable in sliding, with an oversampling tested to be stable."""
     enough, finer = "more than", oversampling
     for finer in (oversampling * 2**i for i in range(1, 10)):
         if stable(finer):
@@ -71,17 +71,17 @@ def unstable_step_error(fs: float, oversampling: int, stable: Callable[[int], bo
 
 
 def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None:
-    """Warn where the step moves a pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
+    """Warn of a step that moves a pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
     swinging = poles[(poles.imag > 0) & (poles.real != 0)]
     if not swinging.size:
         return
-    # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
+    # the error of a fourth-order Runge-Kutta step is (h p)^5 / 120
     shift = np.max(np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120)
     if shift > _MAX_RESONANCE_ERROR:
         enough = int(np.ceil(oversampling * (shift / _MAX_RESONANCE_ERROR) ** 0.25))
         warnings.warn(
-            f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
-            f"Take an oversampling of {enough}",
+            f"the integration step is coarse: the resonance of the stuck rig is wrong by {100 * shift:.2g} %. "
+            f"Use an oversampling of {enough}",
             DataWarning,
             stacklevel=3,
         )
@@ -91,31 +91,31 @@ def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None
 class Rig:
     """A mass on a spring with viscous damping and friction to ground, or several such axes coupled.
 
-    With numbers it is one axis. With matrices it has n axes, each with a friction law of its own or none.
+    Use numbers for one axis. Use matrices for n axes, each with its own friction law or none.
 
     Parameters
     ----------
     mass : float or (n, n) ndarray
         [kg]; symmetric and positive definite.
     stiffness : float or (n, n) ndarray
-        Of the springs to ground and between axes [N/m]; zero for a free mass.
+        Stiffness of the springs to ground and between axes [N/m]; zero for a free mass.
     friction : law, or a list of n laws or None
-        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders, of one axis OwnFriction too.
+        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders; for one axis also OwnFriction.
     damping : float or (n, n) ndarray
         Viscous damping in addition to that of the friction law [Ns/m].
     cubic : (n, n) ndarray, optional
-        Springs of force c d^3 [N/m^3]: on the diagonal to ground, off it between two axes. Symmetric.
+        Springs with force c d^3 [N/m^3]: to ground on the diagonal, between two axes off it. Symmetric.
     actuators : (n, n_u) ndarray, optional
-        Force on each axis by a unit of each input; one force an axis when not given.
+        Force on each axis per unit of each input; by default one force per axis.
     sensors : (n_y, n) ndarray, optional
-        Measured position by a unit of each axis position; one an axis when not given.
+        Measured position per unit of each axis position; by default one per axis.
     inputs, outputs : tuple of str
-        Names of the n_u forces and n_y positions, as records of the rig carry them.
+        Names of the n_u forces and n_y positions, also in records of the rig.
 
     Raises
     ------
     ValueError
-        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a friction that is no law,
+        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a friction that is no law;
         matrices, laws or names that do not fit each other.
 
     References
@@ -162,39 +162,39 @@ class Rig:
 
     @property
     def several(self) -> bool:
-        """Whether it was made of matrices, so that signals have an axis of channels."""
+        """Whether the rig is given by matrices, so that signals have an axis of channels."""
         return np.ndim(self.mass) > 0
 
     @property
     def n_axes(self) -> int:
-        """Axes n."""
+        """Number of axes n."""
         return len(self.mass) if self.several else 1
 
     @property
     def n_inputs(self) -> int:
-        """Forces n_u."""
+        """Number of forces n_u."""
         return len(self.inputs)
 
     @property
     def n_outputs(self) -> int:
-        """Measured positions n_y."""
+        """Number of measured positions n_y."""
         return len(self.outputs)
 
     def poles(self, gain: float) -> np.ndarray:
-        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 stuck, 0 sliding."""
+        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 for stuck, 0 for sliding."""
         mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
         return axes.poles(mass, stiffness, damping, self.friction if self.several else [self.friction], gain)
 
     @cached_property
     def stable_step(self) -> float:
-        """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
+        """Longest integration step [s] that is stable without sliding; sliding may need a shorter one."""
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
         limits = [_longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
         for friction in self.friction if self.several else (self.friction,):
             if friction is None:
                 continue
             law, _ = pack_law(friction)
-            if law.form == packing.GMS:  # a slipping element relaxes to the Stribeck curve with the rate C / Fc
+            if law.form == packing.GMS:  # a slipping element relaxes to the Stribeck curve at the rate C / Fc
                 limits.append(_RUNGE_KUTTA_REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
@@ -241,7 +241,7 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7: what such a stage is for.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7: several inputs.
 
     Examples
     --------
@@ -265,14 +265,14 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
 
 
 def require_one_axis(rig: Rig, where: str) -> Rig:
-    """Refuse a rig of matrices `where` one axis is needed; return the rig."""
+    """Return the rig; refuse one given by matrices, with `where` in the message."""
     if rig.several:
-        raise ValueError(f"rig must have one axis {where}, got one of matrices with {rig.n_axes}")
+        raise ValueError(f"rig must have one axis {where}, got a rig of matrices with {rig.n_axes}")
     return rig
 
 
 def initial_memory(rig: Rig) -> packing.Memory:
-    """Return the memory of a rig that has never moved."""
+    """Return the memory of a rig at rest."""
     if rig.several:
         return axes.initial_memory(rig.friction)
     law, grid = pack_law(rig.friction)
@@ -280,10 +280,10 @@ def initial_memory(rig: Rig) -> packing.Memory:
 
 
 def integrate_rig(rig: Rig, memory: packing.Memory, *, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
-    """Integrate the rig over the force at begin, middle and end of each step, moving `memory` on.
+    """Integrate the rig over the force at start, middle and end of each step; update `memory`.
 
     `drive` is (n, 3), or (n, 3, n_u) for several axes. Returns (n / substeps, 4), or (n / substeps, 4, axes): position,
-    velocity, z and friction force; None where the step was unstable.
+    velocity, z and friction force; None if the step was unstable.
     """
     if rig.several:
         machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)

@@ -28,53 +28,52 @@ def run(
     oversampling: int | None = None,
     hold: str | None = None,
 ) -> Trajectory:
-    """Run a machine through any signal: a force, a reference of the controller around it, set points of its drive.
+    """Run a machine under any signal: a force, a reference of its controller, set points of its drive.
 
     A `Rig` moves under a force [N], from rest. With a controller around it the signal is the reference of the measured
-    positions [m]. A `ServoAxis` follows set points of its drive. A friction law alone takes a velocity [m/s], straight
-    between samples, from rest: hysteresis loops, Stribeck curves.
-
+    positions [m]. A `ServoAxis` follows set points of its drive. A friction law alone takes a velocity [m/s], linear
+    between samples, from rest: for hysteresis loops and Stribeck curves.
     Parameters
     ----------
     machine : Rig, ServoAxis or friction law
-        What is run.
+        The machine to run.
     signal : (n,) ndarray, (channels, n) for a rig of matrices, or dict of them for an axis
-        One value a sample. Of an axis by name: "position" [m] or [rad] is the set point of the position loop,
-        "velocity" is added to the velocity set point, "force" [N] or [Nm] to what the velocity loop asks for, in front
-        of the current limit. "torque" alone opens both loops: torque mode. An array is the position.
+        One value per sample. For an axis by name: "position" [m] or [rad] is the set point of the position loop,
+        "velocity" is added to the velocity set point, "force" [N] or [Nm] to the output of the velocity loop, before
+        the current limit. "torque" alone opens both loops: torque mode. An array is the position.
     controller : Controller or state space, optional
-        Sampled, around a rig: u = K (r - y), held over each sample. Around a rig of matrices a controller matrix, full
-        or one loop an axis. A state space alone acts at once, without limits.
+        Sampled, around a rig: u = K (r - y), held over each sample. For several axes a controller matrix, full or with
+        one loop per axis. A state space alone acts without delay and limits.
     fs : float, optional
-        Sampling frequency [Hz], where neither a controller nor a drive has one.
+        Sampling frequency [Hz]; needed if neither a controller nor a drive has one.
     disturbance : (n,) or (n_u, n) ndarray, optional
-        Force added to the controller's [N], held over each sample.
+        Force added to that of the controller [N], held over each sample.
     noise : (n,) or (n_y, n) ndarray, optional
-        Added to the position that controller or drive measure, before it is quantised [m] or [rad].
+        Added to the measured position before quantisation [m] or [rad].
     initial : (2,) or (2, axes) ndarray, optional
-        Position and velocity at the begin, the friction relaxed; zeros when not given.
+        Initial position and velocity, with relaxed friction; by default zeros.
     oversampling : int, optional
-        Integration steps a sample: 4 with a controller, otherwise 1. With a controller or a drive these at least; more
-        are taken where the machine needs them.
+        Integration steps per sample: 4 with a controller, otherwise 1. With a controller or a drive this is a minimum;
+        more steps are taken if the machine needs them.
     hold : str, optional
-        The force on a rig between samples: "linear", or "zoh" (held).
+        Force on a rig between samples: "linear", or "zoh" (held).
 
     Returns
     -------
     Trajectory
-        A loop that runs away is a result, not an error: `diverged` says so.
+        A loop that runs away is a result with `diverged`, not an error.
 
     Raises
     ------
     ValueError
-        An argument that this machine has no use for; signals that do not fit one another; a controller that is
-        continuous, or of other inputs and outputs than the rig; a step too long to be stable, with the oversampling
-        that would do; a machine far too fast for its controller.
+        An argument without effect on this machine; signals that do not fit each other; a controller that is
+        continuous, or has other inputs and outputs than the rig; a step too long to be stable, with a sufficient
+        oversampling in the message; a machine far too fast for its controller.
 
     Warns
     -----
     DataWarning
-        Where the memory of turning points of a friction law was too short.
+        The memory of turning points of a friction law was too short.
 
     References
     ----------
@@ -82,7 +81,7 @@ def run(
 
     Examples
     --------
-    A force below the static friction moves the mass by a few micrometres and does not set it free.
+    A force below the static friction moves the mass by a few micrometres; it stays stuck.
 
     >>> import numpy as np
     >>> from nlfrf import paper_rig, servo_axis
@@ -90,13 +89,13 @@ def run(
     >>> bool(2e-6 < pushed.x[-1] < 8e-6)
     True
 
-    At constant velocity friction settles on the Stribeck curve, with the viscous part on top.
+    At constant velocity friction settles on the Stribeck curve plus the viscous part.
 
     >>> from nlfrf.friction import Leuven
     >>> round(float(run(Leuven(), np.full(2000, 0.01), fs=10e3).friction[-1]), 4)
     0.8144
 
-    An integrator brings the position to the reference; a belt axis goes a millimetre.
+    An integrator brings the position to the reference; a belt axis moves by a millimetre.
 
     >>> from types import SimpleNamespace
     >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
@@ -117,7 +116,7 @@ def run(
         ports = ports if closed else {"force": ports["torque"]}
         return run_axis(machine, ports, closed=closed, noise=noise, initial=begin, oversampling=steps)
     if isinstance(signal, Mapping):
-        raise ValueError(f"signal must be an array where machine is no servo axis, got {short_form(signal)}")
+        raise ValueError(f"signal must be an array if machine is no servo axis, got {short_form(signal)}")
     if controller is not None:
         _require_unused("a rig with a controller", given, ("fs", "hold"))
         require_kind("machine", machine, Rig)

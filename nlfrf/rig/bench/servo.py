@@ -6,8 +6,8 @@
     m1 x1'' + c1 x1' + k (x1 - x2) + c (x1' - x2') + friction1(x1') = force_constant * current
     m2 x2'' + c2 x2' + k (x2 - x1) + c (x2' - x1') + k2 x2 + friction2(x2') = 0
 
-All quantities are in one coordinate, that of the load: a rotor of inertia J behind a transmission of r metres a radian
-is a motor inertia of J / r^2 kg, its torque constant a force constant of Kt / r N/A.
+All quantities are in one coordinate, that of the load. A rotor with inertia J behind a transmission of r metres per
+radian has a motor inertia of J / r^2 kg, and its torque constant Kt becomes a force constant of Kt / r N/A.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 
 _MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 _PRESETS = ("linear motor", "belt", "ball screw", "joint")
-#: Share of samples in which a current limit, or a reversal in motion, is not worth a word.
+#: Share of samples with a current limit, or with a reversal in motion, up to which no warning is given.
 _SELDOM = 1e-3
-#: Change from one period to the next, of the rms of the position, that is called unsettled.
+#: Change from one period to the next, over the rms of the position, above which a record is reported as unsettled.
 _UNSETTLED = 1e-2
 
 
@@ -61,20 +61,20 @@ class ServoAxis:
     Parameters
     ----------
     motor_inertia : float
-        [kg] or [kg m^2], in the coordinate of the load.
+        Inertia of the motor [kg] or [kg m^2], in the coordinate of the load.
     drive : Drive
-        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of the load. Its
-        velocity comes from differences.
+        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of the load. The
+        velocity must come from differences.
     motor_friction, load_friction : law, optional
-        Friction to ground at either mass.
+        Friction of each mass to ground.
     motor_damping, load_damping : float
         Viscous friction to ground [Ns/m] or [Nm s/rad].
     load_inertia : float
-        [kg] or [kg m^2]; zero: motor and load are one rigid mass, `motor_inertia`.
+        Inertia of the load [kg] or [kg m^2]; zero: motor and load are one rigid mass, `motor_inertia`.
     stiffness, damping : float
-        Of belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
+        Belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
     spring : float
-        From the load to ground [N/m] or [Nm/rad]; zero for a free axis.
+        Stiffness from the load to ground [N/m] or [Nm/rad]; zero for a free axis.
     resolution : float
         Step of the encoder [m] or [rad]; zero for none.
     motion : str
@@ -83,7 +83,7 @@ class ServoAxis:
     Raises
     ------
     ValueError
-        Numbers out of range; a load without a stiffness; a load side that is described where there is no load.
+        Numbers out of range; a load without a stiffness; parameters of a load without `load_inertia`.
 
     References
     ----------
@@ -115,22 +115,21 @@ class ServoAxis:
         for name in ("motor_damping", "load_inertia", "load_damping", "stiffness", "damping", "spring", "resolution"):
             require_nonnegative(name, getattr(self, name))
         require_choice("motion", self.motion, tuple(_MOTIONS))
-        self.drive.output_factor(
-            self.units[1]
-        )  # refuses units of another motion, and a torque constant that is missing
+        # refuses units of another motion, and a missing torque constant
+        self.drive.output_factor(self.units[1])
         if self.encoder == "both" or self.drive.velocity_from == "observer":
-            raise ValueError("drive must read one encoder and take differences of it, got one with two or an observer")
+            raise ValueError("drive must read one encoder and use its differences, got two encoders or an observer")
         for law in (self.motor_friction, self.load_friction):
             if law is not None:
                 pack_law(law)
         if self.load_inertia and not self.stiffness:
-            raise ValueError("stiffness must be positive where there is a load_inertia, got 0")
+            raise ValueError("stiffness must be positive with a load_inertia, got 0")
         if not self.load_inertia:
             for name in ("load_friction", "load_damping", "stiffness", "damping"):
                 if getattr(self, name):
-                    raise ValueError(f"load_inertia must be positive where {name} is given, got 0")
+                    raise ValueError(f"load_inertia must be positive if {name} is given, got 0")
             if self.encoder == "load":
-                raise ValueError('encoder must be "motor" where there is no load_inertia, got "load"')
+                raise ValueError('encoder must be "motor" without a load_inertia, got "load"')
 
     @property
     def units(self) -> tuple[str, str]:
@@ -139,22 +138,22 @@ class ServoAxis:
 
     @property
     def encoder(self) -> str:
-        """Return which mass the encoder reads, "motor" or "load"."""
+        """Mass that the encoder reads, "motor" or "load"."""
         return self.drive.encoder
 
     @property
     def force_constant(self) -> float:
-        """Force over what the velocity loop puts out, in N or Nm over A, or one."""
+        """Force over the output of the velocity loop, in N or Nm over A, or one."""
         return self.drive.output_factor(self.units[1])
 
     @property
     def inertia(self) -> float:
-        """Of all that moves [kg] or [kg m^2]."""
+        """Moving inertia in all [kg] or [kg m^2]."""
         return self.motor_inertia + self.load_inertia
 
     @property
     def resonance(self) -> float:
-        """Highest frequency at which motor and load swing without friction [Hz], undamped; zero of one free mass."""
+        """Highest resonance of motor and load without friction [Hz]; zero for one free mass."""
         return float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
 
     @property
@@ -164,7 +163,7 @@ class ServoAxis:
 
     @cached_property
     def rig(self) -> Rig:
-        """The machine without its drive: the force of the motor in, the encoder's position out."""
+        """The machine without its drive: force of the motor in, position of the encoder out."""
         k, c = self.stiffness, self.damping
         if not self.two:
             mass, laws = [[self.motor_inertia]], [self.motor_friction]
@@ -190,7 +189,7 @@ def run_axis(
     initial: ArrayLike,
     oversampling: int,
 ) -> Trajectory:
-    """Run an axis under its drive from a given state; with open loops `force` alone drives it. Arguments of `run`."""
+    """Run an axis under its drive from a given state; with open loops `force` alone drives it. See `run`."""
     given = {name: set_points.get(name) for name in PORTS}
     sizes = [np.size(signal) for signal in given.values() if signal is not None]
     if not sizes or 0 in sizes:
@@ -199,7 +198,7 @@ def run_axis(
     signals = {name: signal_rows(name, signal, sizes[0], n_rows=1)[0] for name, signal in given.items()}
     begin = initial_axes(initial, axis.rig.n_axes)
     steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
-    for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+    for halving in range(MAX_HALVINGS + 1):  # a run that does not reach the end is repeated with shorter steps
         trace, lost = _attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
         if not trace.diverged:
             break
@@ -210,7 +209,7 @@ def run_axis(
 def _attempt(
     axis: ServoAxis, signals: dict[str, np.ndarray], *, closed: bool, begin: np.ndarray, steps: int
 ) -> tuple[Trajectory, float]:
-    """Call the compiled code once; the trace as far as it went, and how many hysteresis loops were forgotten."""
+    """Call the compiled code once; return the trace up to its end, and the number of forgotten hysteresis loops."""
     from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
 
     rig, drive, n = axis.rig, axis.drive, signals["force"].size
@@ -225,7 +224,7 @@ def _attempt(
         "smoothing": Ts / (Ts + drive.velocity_lag),
         "current_limit": drive.limit,
         "lag": drive.lag,
-        "delay": min(drive.delay_periods, n),  # all later is after the end
+        "delay": min(drive.delay_periods, n),  # at most the whole run
         "resolution": axis.resolution,
     }
     rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
@@ -279,7 +278,7 @@ def _attempt(
 
 @value
 class _ServoExperiment:
-    """One realisation of a multisine on an axis: all that a worker needs."""
+    """One realisation of a multisine on an axis: the argument of a worker."""
 
     axis: ServoAxis
     ms: Multisine
@@ -310,8 +309,8 @@ def simulate_servo(
     """Run every realisation of a multisine on an axis under its drive: force set point in, encoder position out.
 
     At rest the multisine moves the axis about a fixed position set point. In motion it is superimposed on a constant
-    velocity, so that the friction slides, and the way of the set point is taken off the position. With `strokes` the
-    axis goes back and forth, and only the strokes in the direction of `base_velocity` are recorded: forward and
+    velocity, so that the friction slides; the motion of the set point is subtracted from the position. With `strokes`
+    the axis moves back and forth, and only the strokes in the direction of `base_velocity` are recorded: forward and
     backward are two records.
 
     Parameters
@@ -321,38 +320,38 @@ def simulate_servo(
     ms : Multisine
         M realisations of N samples at the sampling frequency of the drive.
     port : str
-        Where it is added: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or [rad].
+        Port of the multisine: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or [rad].
     closed : bool
         False: torque mode, the multisine alone drives the motor.
     base_velocity : float
-        Velocity of the position set point [m/s] or [rad/s], its sign the direction that is recorded.
+        Velocity of the position set point [m/s] or [rad/s]; its sign is the recorded direction.
     strokes : int
-        Strokes there and back; zero for one long way.
+        Number of strokes back and forth; zero for one long motion.
     n_periods : int
-        Periods kept, of each stroke.
+        Periods kept, per stroke.
     n_discard : int
-        Periods run before, at the begin of each stroke too.
+        Periods run before, also at the start of each stroke.
     oversampling : int
-        Integration steps a period of the drive at least.
+        Least number of integration steps per period of the drive.
     executor, progress, resume
         As in `simulate`.
 
     Returns
     -------
     Record
-        u: the force set point, held over each period ("zoh"), so delay and lag of the current are part of what is
-        identified. y: the encoder reading. r: the multisine. (M, P, N), P the periods of all strokes.
+        u: the force set point, held over each period ("zoh"), so delay and lag of the current belong to the identified
+        plant. y: the encoder position. r: the multisine. (M, P, N), P the periods of all strokes.
 
     Raises
     ------
     ValueError
-        A multisine of another sampling frequency; motion or a set point in an open loop; an axis that runs away.
+        A multisine with another sampling frequency; motion or a set point in an open loop; an axis that runs away.
 
     Warns
     -----
     DataWarning
-        Where the current was limited, where an axis in motion turned back, or where the last two periods of a record
-        without motion still differ by more than the encoder explains.
+        The current was limited; an axis in motion turned back; or the last two periods of a record without motion
+        still differ by more than the encoder explains.
 
     References
     ----------
@@ -381,15 +380,15 @@ def simulate_servo(
         oversampling=require_integer("oversampling", oversampling, least=1),
     )
     if abs(ms.fs / axis.drive.fs - 1) > 1e-9:
-        raise ValueError(f"ms must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {ms.fs:g} Hz")
+        raise ValueError(f"ms must be sampled like the drive, at {axis.drive.fs:g} Hz, got {ms.fs:g} Hz")
     if not closed and (port != "force" or base_velocity):
         raise ValueError(
-            'port must be "force" and base_velocity 0 in an open loop, got a set point that nobody follows'
+            'port must be "force" and base_velocity 0 in an open loop, got a set point that no loop follows'
         )
     if strokes and not base_velocity:
-        raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
+        raise ValueError(f"base_velocity must not be zero if the axis moves back and forth, got {strokes} strokes")
     if base_velocity and n_discard < 1:
-        raise ValueError("n_discard must be at least 1 in motion, to get up to speed, got 0")
+        raise ValueError("n_discard must be at least 1 in motion, for the acceleration, got 0")
     runs = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
     found = run_all(_run_experiment, runs, executor=executor, progress=progress, resume=resume)
     warn_of_forgotten_loops(float(sum(one["lost"] for one in found)))
@@ -401,7 +400,7 @@ def simulate_servo(
 
 
 def _run_experiment(experiment: _ServoExperiment) -> Arrays:
-    """Run one realisation; runs in a worker."""
+    """Run one realisation, in a worker."""
     axis, ms, N = experiment.axis, experiment.ms, experiment.ms.n_samples
     block = experiment.n_discard + experiment.n_periods
     base = _base_position(experiment)
@@ -419,7 +418,7 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
         )
 
     def kept(signal: np.ndarray) -> np.ndarray:
-        """(P, N) the recorded periods of all strokes; those there and back take turns, the recorded ones last."""
+        """Return (P, N) the recorded periods of all strokes: every second stroke, beginning with the second."""
         strokes = signal.reshape(-1, block, N)[1::2] if experiment.strokes else signal.reshape(1, block, N)
         return np.asarray(strokes[:, experiment.n_discard :].reshape(-1, N))
 
@@ -436,15 +435,15 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
         "limited": np.array(np.mean(kept(trace.limited))),
         "turned": np.array(np.mean(back)),
         "change": np.array(change),
-        "lost": np.array(0.0),  # warned of by the run itself
+        "lost": np.array(0.0),  # the run itself warns of them
     }
 
 
 def _base_position(experiment: _ServoExperiment) -> np.ndarray:
     """Return (n,) the position set point of the whole experiment [unit of the axis].
 
-    Each stroke lasts as long as all periods do, the first backwards; without strokes there is one, forwards. Velocity
-    is constant but for a quarter of a multisine period at each change.
+    Each stroke lasts as long as all periods together; the first one is backward. Without strokes there is one forward
+    motion. The velocity is constant except for a quarter of a multisine period at each change.
     """
     block = (experiment.n_discard + experiment.n_periods) * experiment.ms.n_samples
     directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
@@ -453,13 +452,13 @@ def _base_position(experiment: _ServoExperiment) -> np.ndarray:
 
 
 def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
-    """Warn of what makes a record another one than was asked for."""
+    """Warn of a limited current, a reversal in motion, and an unsettled record."""
     texts = []
     if worst["limited"] > _SELDOM:
         limit, unit = experiment.axis.drive.limit, experiment.axis.drive.output_unit
         texts.append(
             f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of the samples: "
-            "the FRF is that of the limit too. Lower the level"
+            "the FRF includes the limit. Lower the level"
         )
     if worst["turned"] > _SELDOM:
         texts.append(
@@ -475,17 +474,17 @@ def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
         warnings.warn(text, DataWarning, stacklevel=3)
 
 
-# ---- Four axes to try it on. Where the numbers come from stands in docs/guide/axis.md.
+# ---- Four preset axes. docs/guide/axis.md gives the origin of their numbers.
 
 
 def _sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
-    """Three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3 times Fs / K0."""
+    """Return three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3 times Fs / K0."""
     stiffness = K0 * np.array([0.6, 0.3, 0.1])
     return VaryingSliders(stiffness=stiffness, strength=np.full(3, Fs / 3), stiction=stiction, vs=vs)
 
 
 def servo_axis(preset: str) -> ServoAxis:
-    """Return an axis as machines have it, with a drive that is set up for it.
+    """Return a typical axis, with a drive that is set up for it.
 
     Parameters
     ----------
@@ -496,7 +495,7 @@ def servo_axis(preset: str) -> ServoAxis:
     Returns
     -------
     ServoAxis
-        With friction of the class `robust.friction.any_maxwell_slip`, viscous friction beside it.
+        Axis with friction of the class `robust.friction.any_maxwell_slip` and viscous friction.
 
     Raises
     ------
@@ -505,7 +504,7 @@ def servo_axis(preset: str) -> ServoAxis:
 
     References
     ----------
-    docs/guide/axis.md: each number with its data sheet, or that it was chosen.
+    docs/guide/axis.md: each number with its data sheet, or marked as chosen.
 
     Examples
     --------
@@ -533,7 +532,7 @@ def servo_axis(preset: str) -> ServoAxis:
                 ),
             )
         case "belt":
-            # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
+            # 32 teeth of 5 mm: 25.46 mm per radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
             r, gear = 32 * 5e-3 / (2 * np.pi), 5
             return ServoAxis(
                 motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,

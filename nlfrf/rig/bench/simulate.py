@@ -1,7 +1,7 @@
 """Experiments on a rig: every realisation of a multisine, run to steady state, in parallel and resumable.
 
-A task is a function from a value to a dictionary of arrays. Its result depends on its value alone, so it is the same
-whichever worker computes it, in whatever order, and results kept in a folder can be reused.
+A task is a function from a value to a dictionary of arrays. Its result depends on its value alone. So it is the same
+for any worker and any order, and results kept in a folder can be reused.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from hashlib import _Hash as Hash
 
-_DEFAULT_WORKERS = 128  # of an executor that does not say how many it has
+_DEFAULT_WORKERS = 128  # workers of an executor that does not state their number
 
 Arrays = dict[str, np.ndarray]
 Progress = Callable[[int, int], object]
@@ -72,20 +72,20 @@ def run_each(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Iterator[tuple[int, Arrays]]:
-    """Run a task on every value; yield index and result of each as it is done, so that few are held at a time.
+    """Run a task on every value; yield index and result of each when it is done, so that few are kept in memory.
 
     Parameters
     ----------
     task : callable
-        From one value to a dictionary of arrays; a function of a module where the executor uses processes.
+        Function from one value to a dictionary of arrays; defined in a module if the executor uses processes.
     values : sequence
-        What it is run on.
+        Arguments of the task.
     executor : concurrent.futures.Executor, optional
-        Where it is run; one thread per core when not given.
+        Executor of the tasks; by default one thread per core.
     progress : callable, optional
-        Called with the number done and the total, after each.
+        Called with the number done and the total, after each task.
     resume : path, optional
-        Folder that keeps what is done. Results found there are not computed again, unless what computes them changed.
+        Folder that keeps finished results. They are not computed again unless the code or the value changed.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def run_each(
     Raises
     ------
     ValueError
-        What the task refuses, or an executor that dies: what was done till then is in the folder.
+        The task refuses its value, or the executor dies; earlier results are in the folder.
     """
     folder = None if resume is None else _open_folder(resume)
     files = [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
@@ -107,7 +107,7 @@ def run_each(
     if n_done and progress is not None:
         progress(n_done, total)
     pool = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else executor
-    # what is handed over at a time: nobody waits, and no more results than these are held
+    # tasks submitted at a time: no worker waits, and no more results than these are in memory
     ahead = 2 * int(getattr(pool, "_max_workers", _DEFAULT_WORKERS))
     running: dict[Future[Arrays], int] = {}
     rest = iter(todo)
@@ -141,7 +141,7 @@ def run_each(
 
 
 def _open_folder(resume: str | os.PathLike[str]) -> Path:
-    """Return the folder as a path, created where it does not exist."""
+    """Return the folder as a path, created if it does not exist."""
     if not isinstance(resume, str | os.PathLike):
         raise ValueError(f"resume must be a folder, got {short_form(resume)}")
     folder = Path(resume)
@@ -152,7 +152,7 @@ def _open_folder(resume: str | os.PathLike[str]) -> Path:
 
 
 def _load_result(path: Path) -> Arrays | None:
-    """Return a result kept before; None where there is none, or none that can be read."""
+    """Return a result kept before; None if there is none, or it cannot be read."""
     try:
         with path.open("rb") as opened_file, np.load(opened_file, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -171,7 +171,7 @@ def fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
 
 @cache
 def hash_integrator() -> bytes:
-    """Return a hash of the code that integrates, so that results of an older version are not reused."""
+    """Return a hash of the integrating code, so that results of an older version are not reused."""
     from hashlib import sha256
 
     digest = sha256()
@@ -200,7 +200,7 @@ def _hash_value(digest: Hash, value: object) -> None:
         case numbers.Real():  # of numpy, or a fraction
             digest.update(repr(float(value)).encode())
         case _ if callable(value):
-            raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
+            raise ValueError("resume must be left out with your own functions: a change in them cannot be detected")
         case _:
             raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")
@@ -212,7 +212,7 @@ _MAX_PERIOD_CHANGE = 1e-4
 
 @value
 class _Experiment:
-    """One realisation of a multisine on a rig, and how it is integrated: the argument of a worker."""
+    """One realisation of a multisine on a rig with its integration options: the argument of a worker."""
 
     rig: Rig
     ms: Multisine
@@ -236,6 +236,8 @@ def simulate(
 ) -> Record:
     """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
 
+    Use this to try a measurement before it is made on a machine; `simulate_servo` does so for an axis with a drive.
+
     Parameters
     ----------
     rig : Rig
@@ -243,21 +245,21 @@ def simulate(
     ms : Multisine
         The forces [N], M realisations or experiments of N samples.
     n_periods : int
-        Periods P kept.
+        Number of periods P that are kept.
     n_discard : int
-        Periods run before, for the transient to die out.
+        Number of periods run before, for the transient to decay.
     oversampling : int
-        Integration steps per sample. An even number of steps a period keeps the point symmetry of the friction,
-        so that nothing but rounding appears on even lines.
+        Integration steps per sample. An even number of steps per period keeps the point symmetry of the friction, so
+        that even lines contain rounding errors only.
     hold : str
-        The force between samples: "band-limited", the multisine itself; "zoh", each sample held.
+        Force between samples: "band-limited", the multisine itself; "zoh", each sample held.
     executor : concurrent.futures.Executor, optional
-        Where the realisations are run; one thread per core when not given. The result does not depend on it.
+        Executor of the realisations; by default one thread per core. The result does not depend on it.
     progress : callable, optional
         Called with the realisations done and the total, after each one.
     resume : path, optional
-        Folder that keeps every finished realisation. Run again after an interruption, with the same arguments,
-        only the others are computed.
+        Folder that keeps every finished realisation. A repeated call with the same arguments, after an interruption,
+        computes only the others.
 
     Returns
     -------
@@ -267,18 +269,18 @@ def simulate(
     Raises
     ------
     ValueError
-        A multisine of other inputs than the rig has; a step too long to be stable, with the oversampling that would do;
-        an executor that dies; numbers out of range.
+        A multisine with another number of inputs than the rig; a step too long to be stable, with a sufficient
+        oversampling in the message; an executor that dies; numbers out of range.
 
     Warns
     -----
     DataWarning
-        Where the last two periods still differ by more than 1e-4 of the rms, where the step is coarse for the
-        resonance of the stuck rig, or where the memory of turning points was too short.
+        The last two periods still differ by more than 1e-4 of the rms; the step is coarse for the resonance of the
+        stuck rig; or the memory of turning points was too short.
 
     Examples
     --------
-    The paper's rig, driven on odd lines, answers on odd lines only: even lines hold rounding.
+    The rig of the paper, excited on odd lines, responds on odd lines only: even lines contain rounding errors.
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig
@@ -299,7 +301,7 @@ def simulate(
         hold=require_choice("hold", hold, ("band-limited", "zoh")),
     )
     if rig.n_inputs != ms.n_inputs:
-        raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
+        raise ValueError(f"ms must have the inputs of the rig, {rig.n_inputs}, got {ms.n_inputs}")
     n_runs = ms.phase.shape[-2]
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
     require_stable_step(rig.stable_step, ms.fs, oversampling)
@@ -318,10 +320,10 @@ def simulate(
 
 
 def _run_experiment(experiment: _Experiment) -> Arrays:
-    """Integrate one realisation from rest; runs in a worker.
+    """Integrate one realisation from rest, in a worker.
 
-    Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
-    only one), and how many turning points were forgotten for lack of memory.
+    Returns y (P, N) or (n_y, P, N); the change from the last period but one to the last (rms over rms; nan for one
+    period only); and the number of turning points that did not fit into the memory.
     """
     outcome = _try_experiment(experiment)
     if outcome is None:
@@ -333,7 +335,7 @@ def _run_experiment(experiment: _Experiment) -> Arrays:
 
 
 def _try_experiment(experiment: _Experiment) -> Arrays | None:
-    """Return the result of `_run_experiment`; None where the step was too long to be stable."""
+    """Return the result of `_run_experiment`; None if the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
     memory = initial_memory(rig)
     drive = force_over_period(ms, steps, experiment.hold)
@@ -345,14 +347,14 @@ def _try_experiment(experiment: _Experiment) -> Arrays | None:
         periods = [*periods[-max(experiment.n_periods - 1, 1) :], _sensor_positions(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
-        size = np.linalg.norm(periods[-1])  # zero of a mass that never moved
+        size = np.linalg.norm(periods[-1])  # zero for a mass that never moved
         change = float(np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny))
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
 
 def _sensor_positions(experiment: _Experiment, x: np.ndarray) -> np.ndarray:
-    """Return the (N,) position of the only axis or sensor, or (n_y, N) of several, from the positions of the axes."""
+    """Return the (N,) position of a single axis or sensor, or (n_y, N), from the positions of the axes."""
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
@@ -376,7 +378,7 @@ def _make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record
 
 
 def force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
-    """Return the (n, 3) or (n, 3, n_u) force at begin, middle and end of every integration step of one period."""
+    """Return the (n, 3) or (n, 3, n_u) force at start, middle and end of every integration step of one period."""
     if hold == "zoh":
         u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)
         return np.stack([u, u, u], axis=1)

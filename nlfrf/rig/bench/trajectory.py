@@ -1,4 +1,4 @@
-"""`Trajectory`: what a simulated machine did, sample by sample, and what became of a loop that was left alone."""
+"""`Trajectory`: the motion of a simulated machine, sample by sample, and the outcome of an undisturbed loop."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import require_positive, require_real_array
 from nlfrf._base.values import value
 
-#: Of the peak-to-peak error while disturbed: below it a channel is at rest.
+#: Peak-to-peak error over that while disturbed, below which a channel is at rest.
 _MIN_SWING = 1e-6
-#: Of the peak-to-peak error, and of the usual friction, while disturbed: the most that a settled loop still has.
+#: Largest peak-to-peak error, and drift of the friction, of a settled loop, over the values while disturbed.
 _MAX_SETTLED_SWING = 1e-2
 
 
 @value(copy=False)
 class Trajectory:
-    """What a simulated machine did, sample by sample: its signals by name, which are attributes too.
+    """Motion of a simulated machine, sample by sample: its signals by name, which are also attributes.
 
     Fields
     ------
     t : (n,) ndarray
         Time [s].
     signals : dict of str to (n,) ndarray
-        Each (n,), or (channels, n) where there are several. Of every machine `x`, `v` and `friction`: position,
-        velocity and friction force of a rig or of a prescribed motion (which has the deflection `z` too), of the
-        sensors of a loop, of motor and load of a servo axis.
+        Each (n,), or (channels, n) for several channels. For every machine `x`, `v` and `friction`: position, velocity
+        and friction force, of a rig or of a prescribed motion (which also has the deflection `z`), of the sensors of a
+        loop, of motor and load of a servo axis.
 
         In an open loop `drive`: the force, or the prescribed velocity. In a loop `r`, `u`, `y`: the reference, the
-        force that the controller commands, limited, and the position as it reads it. Of a servo axis what its drive
-        traces: `position_set`, `position`, `velocity_set`, `velocity`, `current_set`, `current`, `force_set`, `force`,
-        and `limited`, whether the current limit was at work.
+        commanded and limited force of the controller, and the position that it reads. For a servo axis the trace of its
+        drive: `position_set`, `position`, `velocity_set`, `velocity`, `current_set`, `current`, `force_set`, `force`,
+        and `limited`, true while the current is limited.
     units : dict of str to str
         Unit of each signal.
     diverged : bool
-        Whether the loop ran away; the arrays end there.
+        True if the loop ran away; the arrays end there.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class Trajectory:
         return signals[name]
 
     def __dir__(self) -> list[str]:
-        """Name what can be asked for, signals too."""
+        """Return the attributes, signals included."""
         return sorted({*super().__dir__(), *self.signals})
 
     @property
@@ -74,10 +74,10 @@ class Trajectory:
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
-        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf where it diverged.
+        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf if it diverged.
 
-        For a loop that is disturbed until `calm` and undisturbed afterwards. A loop at rest has zero, wherever it
-        rests. With several channels the largest of these ratios counts.
+        For a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for a loop at rest at any
+        position. For several channels the largest of these ratios counts.
         """
         before, after = self._split_error(calm)
         if self.diverged:
@@ -114,21 +114,21 @@ class Trajectory:
 
 
 def _peak_to_peak(x: np.ndarray) -> np.ndarray:
-    """Return the largest less the smallest value, () or (channels,)."""
+    """Return the difference of largest and smallest value, () or (channels,)."""
     return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
 
 
 def _disturbed_swing(before: np.ndarray) -> np.ndarray:
-    """Return the peak-to-peak error of each channel while disturbed, floored at `_MIN_SWING` of the largest one."""
+    """Return the peak-to-peak error of each channel while disturbed, at least `_MIN_SWING` of the largest one."""
     found = _peak_to_peak(before)
     return np.maximum(found, max(_MIN_SWING * found.max(), np.finfo(float).tiny))
 
 
 def require_samples(name: str, signal: ArrayLike, *, channels: int | None = None) -> np.ndarray:
-    """Return the signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
+    """Return the signal (n,), or (channels, n) if channels are given, as an array of at least one sample."""
     samples = require_real_array(name, signal, ndim=1 if channels is None else 2)
     if channels is not None and len(samples) != channels:
-        raise ValueError(f"{name} must have {channels} channels, as the rig has, got {len(samples)}")
+        raise ValueError(f"{name} must have {channels} channels, like the rig, got {len(samples)}")
     if samples.size == 0:
         raise ValueError(f"{name} must hold at least one sample, got none")
     return samples

@@ -1,4 +1,4 @@
-"""The compiler of the integrators, which is an extra: without it there is no simulation."""
+"""The compiler of the integrators, an extra that every simulation needs."""
 
 from nlfrf._base.extras import import_extra
 

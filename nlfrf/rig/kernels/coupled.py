@@ -1,13 +1,13 @@
-"""Compiled steps of several coupled masses, each with a friction law of its own or with none.
+"""Compiled steps of several coupled masses, each with its own friction law or none.
 
     M x'' + C x' + K x + cubic springs + friction(x') = force
 
-Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages look at the memories as
-they were committed; they are committed at the end of a step, or of a part of one: a step is divided where a law turns,
-at the first of all axes that stops, breaks away, or turns its bristles round.
+Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages use the committed
+memories. These are committed at the end of a step, or of a part of it. A step is divided where a law turns: at the
+first of all axes that stops, breaks away, or turns its bristles round.
 
-Kernels of other files are called from here, which the cache of compiled code on disk does not look at: what calls
-`advance_axes` and is kept there carries a digest of the files, as `loops` says.
+This file calls kernels of other files, which the cache of compiled code on disk does not check. So a cached function
+that calls `advance_axes` carries a digest of the files, as explained in `loops`.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from nlfrf.rig.kernels.slip import commit_elements, commit_sliders, elements_for
 
 Array = np.ndarray
 # `_nrt=False`: without reference counts, see `leuven`
-compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # kept with what calls it
+compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # cached with its caller
 inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
-#: Matrices of a machine; the last one is there where some spring is cubic.
+#: Matrices of a machine; the last one exists only with cubic springs.
 _MASS, _INVERSE_MASS, _STIFFNESS, _DAMPING, _CUBIC = range(5)
-#: Rows of the work space, one number an axis. Four rows make a place: position, velocity, two states of the law.
+#: Rows of the work space, one number per axis. Four rows make a state: position, velocity, two states of the law.
 _PLACE, _STAGE, _RATE, _END = 0, 4, 8, 12
-#: Force; friction at the begin and at the end of a step; what turns a law at both; the way it goes; whether it turned.
+#: Force; friction at start and end of a step; turning indicators at both; direction of motion; mark of a turn.
 _NET, _FRICTION_BEGIN, _FRICTION_END, _TURN_BEGIN, _TURN_END, _HEADING, _HAS_TURNED = range(16, 23)
 N_ROWS = 23
 _MAX_PARTS = 12
@@ -94,7 +94,7 @@ def _memory_friction(
     """Return the friction of a law with a memory on a trial step, and the rates of its two states p and q.
 
     p is z of the bristles; for generalised Maxwell slip p and q are the factor on, and the addition to, the force of
-    slipping elements since the begin of the step.
+    slipping elements since the start of the step.
     """
     if law.form == kernel_data.GMS:
         rate = law.n / stribeck_force(law, v)
@@ -128,9 +128,9 @@ def _axis_rates(
     friction_row: int,
     turn_row: int,
 ) -> None:
-    """Write the rates of the state at row `at` into RATE, the friction and the turning indicators into the rows given.
+    """Write the rates of the state at row `at` into RATE; friction and turning indicators go to the given rows.
 
-    The drive runs through begin, middle and end of the step as a parabola; s is where in it.
+    The drive is the parabola through start, middle and end of the step; s is the place in the step, 0 to 1.
     """
     machine, laws, grids, states, stacks, work = axes
     n = machine.shape[1]
@@ -142,12 +142,12 @@ def _axis_rates(
         x, v, p, q = work[at, i], work[at + 1, i], work[at + 2, i], work[at + 3, i]
         force, dp, dq, form = 0.0, 0.0, 0.0, int(laws[i, 0])
         if form == kernel_data.COULOMB:
-            d = states[i, DIRECTION]  # what it holds while it is stuck follows from the others' accelerations
+            d = states[i, DIRECTION]  # the force of a stuck mass follows from the accelerations of the others
             law = _unpack_law(laws, i)
             force = d * stribeck_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
         elif form >= 0:
             law = _unpack_law(laws, i)
-            if law.curve.kind == kernel_data.SPRING:  # no memory to look at
+            if law.curve.kind == kernel_data.SPRING:  # no memory
                 dp, force = friction_rates(law, v, law.curve.K0 * p)
             else:
                 d, move = work[_HEADING, i], x - work[_PLACE, i]
@@ -177,7 +177,7 @@ def _trial_step(
     a: float,
     b: float,
 ) -> None:
-    """Try the part a..b of a step from the committed memories, from PLACE to END."""
+    """Try the part a..b of a step with the committed memories, from PLACE to END."""
     machine, work = axes.machine, axes.work
     n, span = machine.shape[1], (b - a) * h
     for stage in range(4):
@@ -205,7 +205,7 @@ def _law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
 
 @inlined
 def _turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
-    """Return the number that passes zero where the law of an axis turns, at the begin or end of the trial step."""
+    """Return the indicator that passes zero where the law of an axis turns, at start or end of the trial step."""
     if by_velocity:
         return work[_PLACE + 1, i] if row == _TURN_BEGIN else work[_END + 1, i]
     return work[row, i]
@@ -221,7 +221,7 @@ def _locate_turn(
     b: float,
     i: int,
 ) -> float:
-    """Find where between a and b of a step the law of an axis turns: false position. The last trial ends there."""
+    """Find the place between a and b of a step where the law of an axis turns; the last trial ends there."""
     laws, states, work = axes.laws, axes.states, axes.work
     by_velocity = work[_PLACE + 1, i] * work[_END + 1, i] < 0.0 and not _is_stuck(laws, states, i)
     e0 = _turn_indicator(laws, states, work, i, by_velocity, _TURN_BEGIN)
@@ -247,7 +247,7 @@ def _begin_part(
     step: int,
     s: float,
 ) -> None:
-    """Set the states of the laws at the begin of a step, or of a part; dry friction past its limit breaks away."""
+    """Set the states of the laws at the start of a step or part; dry friction beyond its limit breaks away."""
     machine, laws, states, work = axes.machine, axes.laws, axes.states, axes.work
     n, dry = machine.shape[1], False
     for i in range(n):
@@ -260,12 +260,12 @@ def _begin_part(
                 work[_HEADING, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
         if form == kernel_data.COULOMB:
             dry = True
-            if states[i, DIRECTION] * v < 0.0:  # it came and went within the last step
+            if states[i, DIRECTION] * v < 0.0:  # it started and stopped within the last step
                 work[_PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
                 invert_free_mass(machine, laws, states)
     if not dry:
         return
-    for _ in range(n):  # one after the other: letting one go changes what the others hold
+    for _ in range(n):  # one after the other: each release changes the forces of the others
         _axis_rates(axes, drive, step, s, _PLACE, _FRICTION_BEGIN, _TURN_BEGIN)
         worst, most = -1, 0.0
         for i in range(n):
@@ -280,7 +280,7 @@ def _begin_part(
 
 @inlined
 def _commit_part(axes: Axes, span: float) -> bool:
-    """Commit all memories at END; return whether that was stable."""
+    """Commit all memories at END; return whether the part was stable."""
     machine, laws, grids, states, stacks, work = axes
     stable = True
     for i in range(machine.shape[1]):
@@ -309,9 +309,9 @@ def _commit_part(axes: Axes, span: float) -> bool:
 @compiled
 def _turn_law(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
     """Turn the law of an axis: elements stick, dry friction stops or breaks away."""
-    work[_HAS_TURNED, i] = 1.0  # once a step
+    work[_HAS_TURNED, i] = 1.0  # once per step
     if laws[i, 0] == kernel_data.GMS:
-        stacks[i, 1, :] = 0.0  # all its elements stick
+        stacks[i, 1, :] = 0.0  # all elements stick
         work[_HEADING, i] = -work[_HEADING, i]
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] == 0.0:
@@ -333,10 +333,10 @@ def advance_axes(
     h: float,
     out: Array,
 ) -> bool:
-    """Advance all axes over the steps of `drive` (n, 3, axes): begin, middle, end of each; False where not stable.
+    """Advance all axes over the steps of `drive` (n, 3, axes): start, middle, end of each; False if not stable.
 
-    `out` (rows, 4, axes) takes position, velocity, z and friction force at the begin of every (n / rows)th step.
-    machine is let free.
+    `out` (rows, 4, axes) gets position, velocity, z and friction force at the start of every (n / rows)th step.
+    `machine` is overwritten in its inverse mass.
     """
     axes = Axes(machine, laws, grids, states, stacks, work)
     n, substeps = machine.shape[1], drive.shape[0] // out.shape[0]
@@ -372,7 +372,7 @@ cached = njit(cache=True, nogil=True, error_model="numpy")
 
 
 def _build_run_kernel(stamp: str) -> Callable[..., bool]:
-    """Return the kernel that steps through given forces, cached under the digest of the files it calls."""
+    """Return the kernel that steps through given forces, cached under the digest of the files that it calls."""
 
     @cached
     def run(
@@ -406,7 +406,7 @@ def _multiply_matrix(M: Array, x: Array, out: Array) -> None:
 
 @njit(nogil=True, error_model="numpy")
 def _step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
-    """Write the output u of the controller for the error e, and step its state x by one sample, by way of `new`."""
+    """Write the output u of the controller for the error e, and step its state x by one sample; `new` is work space."""
     for row in range(u.size):
         total = 0.0
         for i in range(e.size):
@@ -425,7 +425,7 @@ def _step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Arra
 
 
 def _build_loop_kernel(stamp: str) -> Callable[..., int]:
-    """Return the kernel of the sampled loop, cached under the digest of the files it calls."""
+    """Return the kernel of the sampled loop, cached under the digest of the files that it calls."""
 
     @cached
     def loop(

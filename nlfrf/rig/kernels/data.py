@@ -1,6 +1,6 @@
-"""What the compiled code reads and writes: tuples of numbers, and arrays, made without loading numba.
+"""Arguments of compiled code: tuples of numbers, and arrays, made without loading numba.
 
-The cache of compiled code on disk is renewed when a file of kernels changes and does not look here: change these
+The cache of compiled code on disk is renewed when a file of kernels changes, and does not check this file: change these
 tuples and the kernels together.
 """
 
@@ -10,18 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
-# first), elements
+# Kinds of hysteresis: a spring without memory, virgin curves with a stack of turning points (smooth ones first),
+# elements
 SPRING, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(8)
-# Laws: two forms of the state equation dz/dt, three that switch between sticking and slipping, the user's own
+# Laws: two forms of the state equation dz/dt, three that switch between sticking and slipping, user functions
 LEUVEN, DAHL, COULOMB, GMS, SLIDERS, OWN = range(6)
-# Places in Memory.state
+# Indices into Memory.state
 X, V, Z, F, DIRECTION, DEPTH, LOST, ERROR = range(8)
 N_STATES = 8
-#: Growth of an error of z, to first order, up to which sliding counts as stable. The hysteresis bounds the error beyond
-#: the first order: below this limit the position was never off by 1e-3, well above it by 1e-2 and more.
+#: Growth of an error of z, to first order, up to which sliding counts as stable. Beyond first order the hysteresis
+#: bounds the error: below this limit the position was never wrong by 1e-3, well above it by 1e-2 and more.
 MAX_ERROR_GROWTH = 1e30
-#: Turning points remembered before the innermost loop is forgotten.
+#: Number of turning points in memory; beyond it the innermost loop is forgotten.
 STACK_DEPTH = 256
 
 
@@ -43,7 +43,7 @@ class Law(NamedTuple):
     delta: float
     sigma1: float
     sigma2: float
-    n: float  # exponent; of the generalised Maxwell-slip model the attraction C
+    n: float  # exponent; for the generalised Maxwell-slip model the attraction C
     curve: Curve
 
 
@@ -57,7 +57,7 @@ class Body(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Begin of a step, or of the part of it that is left: position, velocity; drive over the whole step; its length."""
+    """Start of a step, or of its remaining part: position, velocity; drive over the whole step; its length."""
 
     x: float
     v: float
@@ -66,29 +66,29 @@ class Step(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """The state that is carried from one step to the next."""
+    """The state from one step to the next."""
 
     state: np.ndarray  # (N_STATES,)
-    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2 or 4, E): of the elements
+    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2 or 4, E) for elements
 
 
 class Axes(NamedTuple):
-    """Coupled masses, one axis each, with the laws of their friction, and the space that a step works in."""
+    """Coupled masses, one axis each, with their friction laws, and work space."""
 
     machine: np.ndarray  # (4 or 5, axes, axes): mass, its inverse, stiffness, damping, cubic springs
-    laws: np.ndarray  # (axes, 11): a row of numbers each, -1 first for none
+    laws: np.ndarray  # (axes, 11): numbers of each law, -1 first for none
     grids: np.ndarray  # (axes, 3 or 7, n): `Grid` of each
     states: np.ndarray  # (axes, N_STATES)
-    stacks: np.ndarray  # (axes, 2 or 4, n): of the memory of each
+    stacks: np.ndarray  # (axes, 2 or 4, n): `Memory.stack` of each
     work: np.ndarray
 
 
-#: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0;
-#: (7, E) varying ones.
+#: (3, n) points of a virgin curve: z, force, slope behind it; or (3, E) elements: stiffness, strength, 0;
+#: (7, E) varying elements.
 Grid = np.ndarray
 
 
 def initial_memory(curve: Curve, grid: Grid) -> Memory:
-    """Return the memory of a body that has never moved."""
+    """Return the memory of a body at rest."""
     sizes = {ELEMENTS: (2, grid.shape[1]), VARYING: (4, grid.shape[1])}
     return Memory(np.zeros(N_STATES), np.zeros(sizes.get(curve.kind, (2, STACK_DEPTH))))

@@ -2,18 +2,17 @@
 
     dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),  F = Fh(z) + sigma1 dz/dt + sigma2 v        (see `nlfrf.rig.laws.laws`)
 
-Nothing compiled is called across files, because the cache of compiled code on disk looks only at the file of the
-function it holds: a kernel that calls into another file would go on running old code after an update. Nothing
-imports this module at its head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays
-are passed one by one: taken out of a tuple each would be counted in and out, which costs more than the arithmetic.
-For the same reason kernels are compiled without reference counts (`_nrt=False`): none of them makes an array, and
-whoever calls the first of them holds what it passes. That saves an eighth of a loop around the rig, and more than half
-of two masses with elements, where each of them took and gave back three arrays.
+Compiled functions do not call other files, because the cache of compiled code on disk checks only the file of a
+function: a kernel that calls into another file would run old code after an update. This module is never imported at the
+head of another, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays are passed one by
+one: each array taken from a tuple would be reference-counted, which costs more than the arithmetic. For the same reason
+kernels are compiled without reference counts (`_nrt=False`): they make no arrays, and the first caller keeps its
+arguments alive. That saves an eighth of a loop around the rig, and more than half for two masses with elements.
 
-Fixed-step fourth-order Runge-Kutta. The trial stages look at the memory of the hysteresis as it was committed,
-and it is committed once at the end of a step: a look ahead leaves no trace. The stiffness jumps where z turns
-and where a loop closes, so a step is divided there. Every formula is odd in (position, velocity, force), so
-the point symmetry of friction survives to rounding.
+Fixed-step fourth-order Runge-Kutta. The trial stages use the committed memory of the hysteresis, which is committed
+once at the end of a step: a trial leaves no trace. The stiffness jumps where z turns and where a loop closes, so a step
+is divided there. Every formula is odd in (position, velocity, force), so the point symmetry of friction survives to
+rounding.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -27,16 +26,15 @@ from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
-#: Branches of the hysteresis: looked up in the memory at every stage; the virgin curve; a later branch.
+#: Branches of the hysteresis: found in the memory at every stage; the virgin curve; a later branch.
 _FROM_MEMORY, _VIRGIN, _LATER = range(3)
 #: Events that divide a step: v = 0, dz/dt = 0, z where a loop closes.
 _VELOCITY, _RATE_OF_Z, _PLACE = range(3)
 Branch = tuple[int, float, float]
 Array = np.ndarray
 compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-inlined = njit(
-    cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False
-)  # the innermost: a sixth of the time
+# the innermost functions: inlining saves a sixth of the time
+inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 
 
 @inlined
@@ -92,10 +90,10 @@ def _find_segment(grid: Array, a: float) -> int:
 
 @compiled
 def _depth_after_move(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
-    """Return the depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
+    """Return the depth of the memory after a monotone move from z0 to z; depth + 1 if z0 becomes a turning point.
 
-    Passing the turning point before last closes an inner loop and wipes two points out; the outermost branch
-    meets the virgin curve again at the mirror image of its turning point.
+    Passing the turning point before last closes an inner loop and removes two points. The outermost branch meets the
+    virgin curve again at the mirror image of its turning point.
     """
     d = 1.0 if z > z0 else -1.0
     n = depth + 1 if d * direction < 0.0 else depth
@@ -157,7 +155,7 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
         force = hysteresis_on_trial(curve, grid, state, stack, z)
         n = _depth_after_move(z, z0, state[DIRECTION], depth, stack)
         if n == depth + 1:
-            if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
+            if depth == stack.shape[1]:  # full: the innermost loop is forgotten and counted
                 depth -= 2
                 n = depth + 1
                 state[LOST] += 1.0
@@ -172,7 +170,7 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
 
 @compiled
 def follow_path(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
-    """Compute the hysteresis force along a path of z, monotone between its points, into `out`."""
+    """Write the hysteresis force along a path of z, monotone between its points, into `out`."""
     for j in range(path.size):
         commit_hysteresis(curve, grid, state, stack, path[j])
         out[j] = state[F]
@@ -190,7 +188,7 @@ def _stribeck_force(law: Law, v: float) -> float:
 
 @inlined
 def friction_rates(law: Law, v: float, fh: float) -> tuple[float, float]:
-    """Return dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
+    """Return dz/dt and the friction force of the Leuven family, which includes LuGre and Dahl."""
     g = _stribeck_force(law, v)
     if law.form == kernel_data.LEUVEN:
         r = abs(fh) / g
@@ -206,9 +204,9 @@ def friction_rates(law: Law, v: float, fh: float) -> tuple[float, float]:
 
 @compiled
 def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
-    """Return the factor of a step on an error of z while sliding, whose relaxation rate the step must resolve."""
+    """Return the factor of a step on an error of z in sliding; the step must resolve the relaxation rate of z."""
     q = h * law.n * law.curve.K0 * abs(v) / law.Fc
-    if q > 30.0:  # z would be thrown to where the curve is flat, and nothing pull it back
+    if q > 30.0:  # z would jump to the flat part of the curve, without a restoring force
         return np.inf
     q *= stiffness / law.curve.K0
     if law.form != kernel_data.DAHL and law.n > 1.0:
@@ -218,7 +216,7 @@ def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> f
 
 @compiled
 def _next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool) -> Branch:
-    """Return the branch that is followed until z turns or a loop closes, and its turning point."""
+    """Return the branch until z turns or a loop closes, and its turning point."""
     if not (kernel_data.TANH <= law.curve.kind <= kernel_data.PARABOLA):
         return _FROM_MEMORY, 0.0, 0.0
     if not has_turned and state[DIRECTION] != 0.0:
@@ -246,7 +244,7 @@ def _branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch:
 def _trial_step(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, branch: Branch, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float, float]:
-    """Try the part a..b of a Runge-Kutta step from the committed memory: x, v, z at its end, dz/dt at both ends."""
+    """Try the part a..b of a Runge-Kutta step with the committed memory; return x, v, z at its end, dz/dt at both."""
     curve, z, h = law.curve, state[Z], (b - a) * step.h
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
     u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
@@ -270,7 +268,7 @@ def _trial_step(
 
 @compiled
 def _drive_at(u: tuple[float, float, float], s: float) -> float:
-    """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
+    """Return the drive at s in 0..1 of a step: the parabola through its start, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
@@ -288,7 +286,7 @@ def _locate_event(
     event: int,
     z: float,
 ) -> float:
-    """Find where between a and b of a step the velocity or dz/dt passes zero, or z is reached: false position."""
+    """Find the place between a and b of a step where velocity or dz/dt is zero, or z is reached, by false position."""
     low, high, e0, e1, enough = a, b, 0.0, 0.0, 0.0
     for i in range(12):
         if i > 0:
@@ -309,7 +307,7 @@ def _locate_event(
 
 @compiled
 def _find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float]:
-    """Return whether a monotone move to z closes a loop, and the z where the first one closes."""
+    """Return whether a monotone move to z closes a loop, and z at which the first one closes."""
     z0, depth = state[Z], int(state[DEPTH])
     turned = (z - z0) * state[DIRECTION] < 0.0
     if _depth_after_move(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
@@ -331,7 +329,7 @@ def _step_to_event(
     a: float,
     has_turned: bool,
 ) -> tuple[float, float, float, float, bool]:
-    """Step from a to where z turns or a loop closes, else to 1: its end, x, v, z there, and whether z turned."""
+    """Step from a until z turns or a loop closes, else to 1; return the end, x, v, z there, and whether z turned."""
     b = 1.0
     x1, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, branch, step, a, b)
     if not has_turned and d0 * d1 < 0.0:
@@ -340,7 +338,7 @@ def _step_to_event(
         x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
     if branch[0] != _FROM_MEMORY:
         closes, z = _find_loop_closure(state, stack, z1)
-        # a loop that closes just where z turns needs no second division
+        # a loop that closes where z turns needs no second division
         if closes and not (has_turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
             b, has_turned = _locate_event(body, law, grid, state, stack, branch, step, a, b, _PLACE, z), False
             x1, v1, _, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
@@ -352,11 +350,11 @@ def _step_to_event(
 def advance_hysteretic(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Advance the Leuven family over the steps of `drive` (begin, middle, end of each); False where it is not stable.
+    """Advance the Leuven family over the steps of `drive` (start, middle, end of each); False if it is not stable.
 
-    `drive` is the force on the mass, or the velocity of a driven body. `out` takes position, velocity, z and
-    friction force at the begin of every step that is a multiple of `substeps`. Steps are divided at turning
-    points always, and at closing loops where the curve itself is smooth.
+    `drive` is the force on the mass, or the velocity of a driven body. `out` gets position, velocity, z and friction
+    force at the start of every step that is a multiple of `substeps`. Steps are divided at turning points, and at
+    closing loops if the curve itself is smooth.
     """
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
@@ -381,7 +379,7 @@ def advance_hysteretic(
                     step = Step(x1, v1, u, h)
                     commit_hysteresis(law.curve, grid, state, stack, z1)
                     way = _next_branch(law, state, stack, v1, turned)
-            if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
+            if a < 1.0:  # too many events in this step: the rest is one undivided step
                 x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
         stiffness = commit_hysteresis(law.curve, grid, state, stack, z1)

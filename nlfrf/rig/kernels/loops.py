@@ -1,8 +1,8 @@
 """Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack in one call.
 
-This kernel calls those of other files, which the cache of compiled code on disk does not look at. A digest of these
-files is therefore part of it: where one of them changes, the code is compiled anew. The digest must be all that it
-closes over: a compiled function among that is another one to the cache in every process.
+This kernel calls those of other files, which the cache of compiled code on disk does not check. So a digest of these
+files is part of it: if one of them changes, the code is compiled anew. The kernel must close over nothing but the
+digest, because the cache treats a compiled function in the closure as a new one in every process.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ CALLED_FILES = tuple(Path(__file__).parent / f"{name}.py" for name in ("data", "
 
 
 def digest_files(*files: Path) -> str:
-    """Return the SHA-256 of files: those whose kernels another file calls."""
+    """Return the SHA-256 of files whose kernels another file calls."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 @njit(nogil=True, error_model="numpy")
 def _control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
-    """Return the output of the i-th controller for the error e, and step its state x by one sample, by way of `new`."""
+    """Return the output of the i-th controller for the error e, and step its state x, with `new` as work space."""
     u = D[i] * e
     for row in range(x.size):
         u += C[i, row] * x[row]
@@ -49,7 +49,7 @@ def _control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new:
     return float(u)
 
 
-@njit(nogil=True, error_model="numpy")  # compiled with its caller, and kept with it
+@njit(nogil=True, error_model="numpy")  # compiled and cached with its caller
 def _advance_law(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
 ) -> bool:
@@ -64,7 +64,7 @@ def _advance_law(
 
 
 def _build_loops_kernel(stamp: str) -> Callable[..., None]:
-    """Return the kernel, cached under the digest of the files it calls."""
+    """Return the kernel, cached under the digest of the files that it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def loops(
@@ -136,7 +136,7 @@ run_loops = _build_loops_kernel(digest_files(*CALLED_FILES))
 
 
 def _wrap_loops_kernel(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
-    """Return the kernel of the loops around user-defined steps, compiled where these are."""
+    """Return the kernel of the loops around user-defined steps, compiled if these are."""
     source = run_loops.py_func  # type: ignore[attr-defined]
     around = {**source.__globals__, "_advance_law": steps}
     plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
@@ -154,14 +154,14 @@ def compile_user_law(
         compiled = njit(error_model="numpy")(_build_user_stepper(*quick))
         trial = Body(False, 1.0, 0.0, 0.0)
         compiled(trial, np.zeros(2), np.zeros(size), np.zeros((1, 3)), 1e-9, 1, np.zeros((1, 4)))
-    except Exception:  # numba refuses in many ways; an error in the functions shows when they run uncompiled
+    except Exception:  # numba raises many types; an error in the functions appears when they run uncompiled
         return plain, False
     return compiled, True
 
 
 @lru_cache(maxsize=64)
 def user_law_loops(derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int) -> Callable[..., None]:
-    """Return `run_loops` for a law of user functions, its state in the place of turning points."""
+    """Return `run_loops` for a law of user functions, with its state in the place of turning points."""
     kernel, compiled = compile_user_law(derivative, force, size)
 
     def advance(
@@ -173,7 +173,7 @@ def user_law_loops(derivative: Callable[..., ArrayLike], force: Callable[..., fl
 
 
 def _return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
-    """Return the derivative wrapped to give an array, whatever sequence the function gives."""
+    """Return the derivative, wrapped to return an array from any sequence."""
 
     def wrapped(x: float, v: float, z: Array) -> Array:
         return np.asarray(derivative(x, v, z), dtype=float)

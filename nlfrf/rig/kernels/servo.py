@@ -1,9 +1,9 @@
-"""Compiled drive: a P-PI cascade with a current loop around a machine of one or two masses, sample by sample.
+"""Compiled drive: a P-PI cascade with a current loop around a machine with one or two masses, sample by sample.
 
-The masses are stepped by `coupled.advance_axes`, the only integrator of coupled masses. The current is exact: between
-two changes of its set point a first-order lag is an exponential, which is what the integrator takes as its drive.
+`coupled.advance_axes` steps the masses; it is the only integrator of coupled masses. The current is exact: between two
+changes of its set point a first-order lag is an exponential, which the integrator takes as its drive.
 
-The kernel calls those of other files; it carries a digest of them, for the reason given in `loops`.
+The kernel calls kernels of other files and carries a digest of them, for the reason given in `loops`.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -21,16 +21,16 @@ from nlfrf.rig.kernels.data import X
 from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 
 Array = np.ndarray
-#: Numbers of the drive, in the order in which the kernel reads them.
+#: Numbers of the drive, in the order of the kernel.
 GAINS = ("kv", "feedforward", "kp", "integral", "smoothing", "current_limit", "lag", "delay", "resolution")
 _KV, _FEEDFORWARD, _KP, _INTEGRAL, _SMOOTHING, _LIMIT, _LAG, _DELAY, _RESOLUTION = range(len(GAINS))
-#: Columns of what the drive writes.
+#: Columns of the output of the drive.
 SIGNALS = ("position", "velocity", "velocity_set", "current_set", "current", "unlimited")
 _POSITION, _VELOCITY, _VELOCITY_SET, _CURRENT_SET, _CURRENT, _UNLIMITED = range(len(SIGNALS))
 
 
 def _build_servo_kernel(stamp: str) -> Callable[..., int]:
-    """Return the kernel, cached under the digest of the files it calls."""
+    """Return the kernel, cached under the digest of the files that it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def servo(
@@ -74,7 +74,7 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
             y = states[encoder, X] + noise[k]
             if resolution > 0.0:
                 y = resolution * np.round(y / resolution)
-            if k == 0:  # a drive that is switched on has read its encoder before
+            if k == 0:  # a drive has read its encoder before it is switched on
                 last = y
             speed += gains[_SMOOTHING] * ((y - last) * fs - speed)
             last = y

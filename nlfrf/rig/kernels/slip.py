@@ -1,6 +1,6 @@
 """Compiled time stepping of Coulomb friction and of the generalised Maxwell-slip model.
 
-Stands alone for the reason given in `leuven`. Both laws switch between sticking and slipping where the
+The file stands alone for the reason given in `leuven`. Both laws switch between sticking and slipping where the
 velocity turns: steps are divided there.
 """
 
@@ -33,7 +33,7 @@ def stribeck_force(law: Law, v: float) -> float:
 
 @compiled
 def _drive_at(u: tuple[float, float, float], s: float) -> float:
-    """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
+    """Return the drive at s in 0..1 of a step: the parabola through its start, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
@@ -55,7 +55,7 @@ def _sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float
 
 @compiled
 def _locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
-    """Find where after a the force on a stuck mass passes the static friction, and its direction; (1, 0) if not."""
+    """Find where after a the force on a stuck mass passes the static friction, and its direction; else (1, 0)."""
     spring = body.stiffness * step.x
     end = _drive_at(step.u, 1.0) - spring
     if abs(end) <= law.Fs:
@@ -73,7 +73,7 @@ def _locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[floa
 
 @compiled
 def _locate_stop(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
-    """Find where after a the velocity passes zero: false position."""
+    """Find the place behind a where the velocity passes zero, by false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
@@ -128,7 +128,7 @@ def advance_coulomb(
                     state[DIRECTION] = 0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
             if a >= 1.0:
                 break
-        if a < 1.0:  # it comes and goes within the step: it rests
+        if a < 1.0:  # it starts and stops within the step: it rests
             v, state[DIRECTION] = 0.0, 0.0
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150
@@ -140,8 +140,8 @@ def elements_force(
 ) -> float:
     """Return the force of the elements after a move: stuck ones follow it up to their limit, slipping ones relax.
 
-    The limit counts in the direction d of the motion: what was left at the other limit is free to come back.
-    A slipping element is keep times its force at the begin of the step plus gain times its share of the strength.
+    The limit holds in the direction d of the motion: a force beyond the other limit may return freely. A slipping
+    element is keep times its force at the start of the step plus gain times its share of the strength.
     """
     g, total = stribeck_force(law, v), law.sigma2 * v
     for i in range(grid.shape[1]):
@@ -161,10 +161,10 @@ def elements_force(
 def _trial_step(
     body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float]:
-    """Try the part a..b of a Runge-Kutta step: x, v, and keep and gain of the slipping elements at its end.
+    """Try the part a..b of a Runge-Kutta step: return x, v, and keep and gain of slipping elements.
 
-    Slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1 - gain/|s|)
-    serve all elements at once.
+    In slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1 - gain/|s|)
+    hold for all elements at once.
     """
     h, w, k, c, n = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping, law.n
     u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
@@ -194,7 +194,7 @@ def _trial_step(
 def _locate_reversal(
     body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, v1: float
 ) -> float:
-    """Find where after a the velocity passes zero: false position."""
+    """Find the place behind a where the velocity passes zero, by false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
@@ -213,9 +213,9 @@ def _locate_reversal(
 def commit_elements(
     law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, keep: float, gain: float
 ) -> None:
-    """Commit the elements at the end of a step: those that passed their limit have begun to slip.
+    """Commit the elements at the end of a step: those beyond their limit have begun to slip.
 
-    Where in the step one passed it counts: from there on it lags behind the Stribeck curve instead of following it.
+    The place in the step where an element passed its limit counts: behind it the element lags the Stribeck curve.
     """
     g0, g1 = stribeck_force(law, step.v), stribeck_force(law, v1)
     for i in range(grid.shape[1]):
@@ -226,7 +226,7 @@ def commit_elements(
                 s = 0.0
                 if begin < share * g0:
                     s = (share * g0 - begin) / (share * g0 - begin + end - share * g1)
-                # what it relaxes in the rest of this step is of second order
+                # its relaxation in the rest of this step is of second order
                 end = min(begin + s * (end - begin), share * stribeck_force(law, step.v + s * (v1 - step.v)))
                 stack[1, i] = d
             stack[0, i] = d * end
@@ -238,7 +238,7 @@ def commit_elements(
 def advance_gms(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Advance generalised Maxwell slip; grid holds stiffness and share of strength, stack force and slip direction."""
+    """Advance generalised Maxwell slip; grid: stiffness and share of strength; stack: force and slip direction."""
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
         u = (drive[j, 0], drive[j, 1], drive[j, 2])
@@ -268,10 +268,10 @@ def advance_gms(
     return abs(x) < 1e150 and abs(v) < 1e150
 
 
-# ---- Compiled time stepping of Maxwell slip whose sliders vary.
+# ---- Compiled time stepping of Maxwell slip with varying sliders.
 #
-# Stands alone for the reason given in `leuven`. Fourth-order Runge-Kutta steps of the mass; an element follows
-# the motion until its slider gives way, and then holds what the slider holds. The trial stages leave no trace.
+# Fourth-order Runge-Kutta steps of the mass. An element follows the motion until its slider gives way, and then has the
+# force that the slider holds. The trial stages leave no trace.
 
 
 #: Rows of the memory of the elements: force, direction of slip, time of rest, number drawn.
@@ -280,7 +280,7 @@ _ELEMENT_FORCE, _SLIP, _REST, _DRAWN = range(4)
 
 @compiled
 def _slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
-    """Return the force that the slider of an element holds, or slips at, in the direction d."""
+    """Return the force at which the slider of an element holds, or slips, in the direction d."""
     m = 1.0
     if stack[_SLIP, i] == d:
         q = v / law.vs
@@ -301,7 +301,7 @@ def _slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: floa
 def _element_force_on_trial(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
     """Return the force of an element after a move, without committing it."""
     force = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
-    if abs(force) * law.n <= grid[1, i]:  # less than any slider slips at
+    if abs(force) * law.n <= grid[1, i]:  # below the slip force of any slider
         return force
     d = 1.0 if force > 0.0 else -1.0
     most = _slider_force(law, grid, stack, i, d, x, v)
@@ -319,10 +319,10 @@ def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v:
 
 @compiled
 def _give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float) -> float:
-    """Return the force of an element that gives way within a step, and whose velocity goes from v0 to v.
+    """Return the force of an element that gives way within a step, while the velocity goes from v0 to v.
 
-    It drops at the velocity at which it gives way. One that sticks again, as it does where the motion slows down,
-    remembers how far: with the velocity at the end of the step, the force jumps where a strength moves over a step.
+    The force drops at the velocity at which it gives way. An element that sticks again, as in a motion that slows down,
+    keeps this drop. With the velocity at the end of the step the force would jump when a strength moves over a step.
     """
     d = 1.0 if stack[_ELEMENT_FORCE, i] + grid[0, i] * move > 0.0 else -1.0
     held, stretch = d * stack[_ELEMENT_FORCE, i], d * grid[0, i] * move
@@ -338,7 +338,7 @@ def _give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float
 
 @compiled
 def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v0: float, v: float, h: float) -> None:
-    """Commit the elements at the end of a step: which slip now, and how long the others have rested."""
+    """Commit the elements at the end of a step: mark slipping ones, and count the time of rest of the others."""
     for i in range(grid.shape[1]):
         stuck = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
         force = _element_force_on_trial(law, grid, stack, i, move, x, v)
@@ -350,7 +350,7 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
             stack[_SLIP, i] = 0.0
             stack[_REST, i] += h
         elif stack[_SLIP, i] * stuck > 0.0:
-            # it slips at what it slips at, which is no more than what it held
+            # its slip force is at most the force that it held
             most = _slider_force(law, grid, stack, i, stack[_SLIP, i], x, v)
             force = stack[_SLIP, i] * min(abs(force), most)
         else:
@@ -360,7 +360,7 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
 
 @compiled
 def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: float, out: Array) -> None:
-    """Force of each element along a prescribed motion x (n,), v (n,), from rest at x[0]; out (E, n)."""
+    """Write the force of each element along a motion x (n,), v (n,), from rest at x[0], into `out` (E, n)."""
     for j in range(x.size):
         last = max(0, j - 1)
         commit_sliders(law, grid, stack, x[j] - x[last], x[j], v[last], v[j], h)
@@ -403,17 +403,17 @@ def advance_sliders(
     return abs(x) < 1e150 and abs(v) < 1e150
 
 
-# ---- A load on a spring and a damper behind a motion that repeats, and its derivatives.
+# ---- A load on a spring and a damper behind a periodic motion, with derivatives.
 #
-# With all elements stuck the load is linear, and a step of it is exact; the way of the sliders is a force on it that
-# changes linearly within a step. Along the motion every element sticks or slips, so that all derivatives solve one
-# linear equation, each with a force of its own.
+# With all elements stuck the load is linear, and a step of it is exact; the slip of the sliders acts as a force that
+# changes linearly within a step. Along the motion every element sticks or slips, so all derivatives solve one linear
+# equation, each with its own force.
 
-#: Share of the response to a step that friction falling with the speed may take away: more of it is not resolved.
+#: Largest share of the response to a step that friction falling with speed may take away; more is not resolved.
 _MOST_FALL = 0.5
-#: Rows of the memory of an element: deflection, direction of slip; after a step: deflection, 1 where it slips and 2
-#: where it slipped and stuck again, by direction; by how much its slider jumps where it gives way, at which part of
-#: the step, and how much it weakens with the speed.
+#: Rows of the memory of an element: deflection, direction of slip; then after a step: deflection; by direction, 1 if it
+#: slips and 2 if it slipped and stuck again; jump of its slider when it gives way; place of this in the step; and
+#: weakening of the slider with speed.
 _HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 
 
@@ -421,7 +421,7 @@ _HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 def _move_element(
     D: float, rho: float, vs: float, before: tuple[float, float], trial: float, v0: float, v: float
 ) -> tuple[float, float, float, float]:
-    """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` where it sticks; before HELD and SLIPS.
+    """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` if it sticks; before: HELD and SLIPS.
 
     It gives way as in `_give_way`.
     """
@@ -445,17 +445,17 @@ def _move_element(
 def follow_load(
     numbers: Array, elements: Array, step: Array, motor: Array, h: float, memory: Array, tangents: Array, out: Array
 ) -> None:
-    """Force with which a load reacts on the motion of a motor, from rest over two periods of which the second counts.
+    """Write the force with which a load reacts on the motion of a motor, from rest; the second of two periods counts.
 
-    numbers : (6,) mass, spring, damper, viscous friction, stiction, velocity of Stribeck.
+    numbers : (6,) mass, spring, damper, viscous friction, stiction, Stribeck velocity.
     elements : (2, E) stiffness and break-away displacement.
-    step : (2, 4) position and velocity after a step of h, all elements stuck, by those before it and by the force at
-        its begin and end.
-    motor : (3, n) position, velocity, and the force of spring and damper on a load that stands still.
-    memory : (7, E) of zeros, the rows above.
-    tangents : (P, 3 + E) of zeros, P = 6 + 2 E or 0: position, velocity, force, and the way of each slider.
-    out : (1 + P, n) force and its derivatives: by the logarithms of all numbers and then elements, but by the viscous
-        friction itself and by the logarithm of what the stiction is above one.
+    step : (2, 4) position and velocity after a step h with all elements stuck: factors of position and velocity before
+        it, and of the force at its start and end.
+    motor : (3, n) position, velocity, and force of spring and damper on a load at rest.
+    memory : (7, E) zeros, the rows above.
+    tangents : (P, 3 + E) zeros, P = 6 + 2 E or 0: position, velocity, force, and slip of each slider.
+    out : (1 + P, n) force and its derivatives by the logarithms of all numbers, then of the elements; by the viscous
+        friction itself, and by the logarithm of stiction minus one.
     """
     k, c, rho, vs = numbers[1], numbers[2], numbers[4], numbers[5]
     n, E, P = motor.shape[1], elements.shape[1], tangents.shape[0]
@@ -463,7 +463,7 @@ def follow_load(
     all_x, all_v = step[0, 2] + end_x, step[1, 2] + end_v
     for i in range(E):
         total += elements[0, i]
-    x = v = pushed = 0.0  # by the sliders, all on the way that they have gone
+    x = v = pushed = 0.0  # pushed: force from the slip of all sliders so far
     for j in range(2 * n):
         now, then = j % n, (j + 1) % n
         if j >= n:
@@ -478,7 +478,7 @@ def follow_load(
         x1 = step[0, 0] * x + step[0, 1] * v + step[0, 2] * begin + end_x * end
         v1 = step[1, 0] * x + step[1, 1] * v + step[1, 2] * begin + end_v * end
         stuck_x, stuck_v, slipping = x1, v1, 0.0
-        for trial in range(2):  # which sliders move where none did so far, and then how far
+        for trial in range(2):  # first find the moving sliders, then their slip
             slipping = moved = early = 0.0
             for i in range(E):
                 at, before = memory[_HELD, i] + x1 - x, (memory[_HELD, i], memory[_SLIPS, i])
@@ -493,7 +493,7 @@ def follow_load(
             if trial == 1 or (slipping == 0.0 and moved == 0.0):
                 break
             force = (slipping * stuck_x + moved) / (1.0 - end_x * slipping)
-            # the way of a slider is no straight line: it bends as the motion does, and jumps within the step
+            # the slip is not linear: it bends with the motion, and jumps within the step
             bend = early - slipping * h * (stuck_v + end_v * force - v) / 12.0
             x1, v1 = stuck_x + end_x * force + all_x * bend, stuck_v + end_v * force + all_v * bend
         pushed = 0.0
@@ -530,7 +530,7 @@ def follow_load(
                     d = memory[_MOVED, i]
                     if d == 0.0:
                         continue
-                    wider = 0.0  # by how much its slider holds more, over its stiffness
+                    wider = 0.0  # increase of the limit of its slider, over its stiffness
                     if p == 4:
                         wider = elements[1, i] * (near - (1.0 - 1.0 / rho)) / rho
                     elif p == 5:
@@ -543,7 +543,7 @@ def follow_load(
                         gone = -d / 2.0 * wider
                         if p == 6 + E + i:
                             gone += d / 2.0 * elements[1, i]
-                    if memory[_JUMP, i] != 0.0:  # it gives way earlier by a part of the step
+                    if memory[_JUMP, i] != 0.0:  # it gives way earlier in the step
                         later = a + memory[_PART, i] * (a1 - a) - tangents[p, 3 + i]
                         if p == 6 + E + i:
                             later -= math.copysign(elements[1, i], d)

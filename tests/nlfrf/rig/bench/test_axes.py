@@ -222,7 +222,7 @@ OWN = OwnFriction(derivative=lambda x, v, z: v - z, force=lambda x, v, z: z[0], 
         ({"cubic": [[1.0, 2.0], [0.0, 1.0]]}, "cubic must be symmetric"),
         ({"sensors": np.ones((1, 3))}, r"sensors must have 2 columns, one an axis, got shape \(1, 3\)"),
         ({"actuators": np.ones((3, 1))}, r"actuators must have 2 rows, one an axis, got shape \(3, 1\)"),
-        ({"actuators": [[1.0, 0.0], [1.0, 0.0]]}, "actuators must reach some axis with every channel"),
+        ({"actuators": [[1.0, 0.0], [1.0, 0.0]]}, "actuators must act on some axis with every channel"),
         ({"inputs": ("Fx",)}, r"inputs must be 2 different names, got \('Fx',\)"),
         ({"inputs": "xy"}, "inputs must be 2 different names, got 'xy'"),  # one text is one name, not two letters
         ({"outputs": ("x", "x")}, "outputs must be 2 different names"),
@@ -254,7 +254,7 @@ def test_multisines_that_do_not_fit_the_rig_are_refused():
         simulate(two_axis_stage(), multisine(n_inputs=3, **options))
     with pytest.raises(ValueError, match="ms must drive 1 inputs, as the rig has, got 2"):
         simulate(paper_rig(), multisine(n_inputs=2, **options))
-    with pytest.raises(ValueError, match="signal must have 2 channels, as the rig has, got 3"):
+    with pytest.raises(ValueError, match="signal must have 2 channels, like the rig, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), fs=FS)
     with pytest.raises(ValueError, match="oversampling must be at least 2 for a stable integration step"):
         run(two_axis_stage(), np.zeros((2, 10)), fs=100.0)

@@ -123,10 +123,10 @@ def limited(K, options):
     [
         (pid(1.0, 0.0, dt=1 / FS), {}, "K must have 2 inputs and 2 outputs, got 1 and 1"),
         (control.ss([], [], [], np.ones((3, 2)), 1 / FS), {}, "K must have 2 inputs and 2 outputs, got 2 and 3"),
-        (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one a channel, got shape \(3,\)"),
+        (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one per channel, got shape \(3,\)"),
         (FULL, {"saturation": [1.0, -2.0]}, "saturation must be positive, got -2"),
         (FULL, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
-        (FULL, {"noise": np.zeros(10)}, "noise must have 2 channels, as the rig has, got 1"),
+        (FULL, {"noise": np.zeros(10)}, "noise must have 2 channels, like the rig, got 1"),
         (
             FULL,
             {"disturbance": np.zeros((2, 9))},
@@ -144,9 +144,9 @@ def test_refusals_name_the_parameter(K, options, message):
 def test_references_and_stacks_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match=r"signal must have 2 axes, got shape \(10,\)"):
         run(two_axis_stage(), np.zeros(10), FULL)
-    with pytest.raises(ValueError, match="signal must have 2 channels, as the rig has, got 3"):
+    with pytest.raises(ValueError, match="signal must have 2 channels, like the rig, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), FULL)
-    with pytest.raises(ValueError, match="rig must have one axis in a stack of loops, got one of matrices with 2"):
+    with pytest.raises(ValueError, match="rig must have one axis in a stack of loops, got a rig of matrices with 2"):
         run_loops(two_axis_stage(), np.zeros((2, 10)), [FULL])
 
 

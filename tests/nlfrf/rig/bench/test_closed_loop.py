@@ -161,7 +161,7 @@ def test_refusals_name_the_parameter(K, options, message):
 def test_a_rig_far_too_fast_for_the_clock_is_refused():
     light = Rig(mass=1e-12, stiffness=paper_rig().stiffness, friction=paper_rig().friction)
     with pytest.raises(
-        ValueError, match=r"fs must leave the rig at most 10000 integration steps a sample, got 2000 Hz"
+        ValueError, match=r"fs must leave the rig at most 10000 integration steps per sample, got 2000 Hz"
     ):
         run(light, np.zeros(10), PI)
 

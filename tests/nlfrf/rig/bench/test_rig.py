@@ -181,7 +181,7 @@ def test_coarse_step_is_announced_with_its_error():
     fs, frequency = 512.0, np.sqrt(144e3) / 2 / np.pi
     t = np.arange(8 * 512) / fs
     force = 1e-8 * np.sin(2 * np.pi * frequency * t)
-    with pytest.warns(DataWarning, match=r"comes out wrong by (\d+) %. Take an oversampling of (\d+)") as warned:
+    with pytest.warns(DataWarning, match=r"is wrong by (\d+) %. Use an oversampling of (\d+)") as warned:
         coarse = run(paper_rig(), force, fs=fs)
     said, enough = (float(word) for word in re.search(r"by (\d+) %.*of (\d+)", str(warned[0].message)).groups())
     fine, held = (run(paper_rig(), force, fs=fs, oversampling=n) for n in (32, int(enough)))
