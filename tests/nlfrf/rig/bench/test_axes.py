@@ -248,11 +248,11 @@ def test_the_one_channel_of_an_axis_has_one_name():
 
 def test_multisines_that_do_not_fit_the_rig_are_refused():
     options = {"fs": FS, "n_samples": 512, "f_min": 4, "f_max": 100, "rng": 1}
-    with pytest.raises(ValueError, match="ms must drive 2 inputs, as the rig has, got 1"):
+    with pytest.raises(ValueError, match="ms must have the inputs of the rig, 2, got 1"):
         simulate(two_axis_stage(), multisine(**options))
-    with pytest.raises(ValueError, match="ms must drive 2 inputs, as the rig has, got 3"):
+    with pytest.raises(ValueError, match="ms must have the inputs of the rig, 2, got 3"):
         simulate(two_axis_stage(), multisine(n_inputs=3, **options))
-    with pytest.raises(ValueError, match="ms must drive 1 inputs, as the rig has, got 2"):
+    with pytest.raises(ValueError, match="ms must have the inputs of the rig, 1, got 2"):
         simulate(paper_rig(), multisine(n_inputs=2, **options))
     with pytest.raises(ValueError, match="signal must have 2 channels, like the rig, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), fs=FS)

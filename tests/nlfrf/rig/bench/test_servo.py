@@ -423,11 +423,11 @@ def test_a_preset_comes_to_its_set_point(name):
     ("fields", "message"),
     [
         ({"motor_inertia": 0.0}, "motor_inertia must be positive"),
-        ({"load_inertia": 3.0}, "stiffness must be positive where there is a load_inertia, got 0"),
-        ({"load_damping": 3.0}, "load_inertia must be positive where load_damping is given, got 0"),
+        ({"load_inertia": 3.0}, "stiffness must be positive with a load_inertia, got 0"),
+        ({"load_damping": 3.0}, "load_inertia must be positive if load_damping is given, got 0"),
         (
             {"drive": replace(DRIVE, encoder="load")},
-            'encoder must be "motor" where there is no load_inertia, got "load"',
+            'encoder must be "motor" without a load_inertia, got "load"',
         ),
         ({"motion": "circular"}, "motion must be"),
         ({"motion": "rotary"}, "must be A or N for a velocity loop in"),
@@ -468,11 +468,11 @@ def test_signals_that_make_no_run_are_refused():
         run(MASS, np.zeros(5), fs=4000)
     with pytest.raises(ValueError, match="position must have one value for each of the 4 samples"):
         run(MASS, {"position": np.zeros(5), "velocity": np.zeros(4)})
-    with pytest.raises(ValueError, match="ms must be sampled as the drive is, at 4000 Hz, got 1000 Hz"):
+    with pytest.raises(ValueError, match="ms must be sampled like the drive, at 4000 Hz, got 1000 Hz"):
         simulate_servo(MASS, ms)
     with pytest.raises(ValueError, match='port must be "force" and base_velocity 0 in an open loop'):
         simulate_servo(MASS, own, closed=False, port="position")
-    with pytest.raises(ValueError, match="base_velocity must not be zero where the axis goes back and forth, got 2"):
+    with pytest.raises(ValueError, match="base_velocity must not be zero if the axis moves back and forth, got 2"):
         simulate_servo(MASS, own, strokes=2)
     with pytest.raises(ValueError, match="n_discard must be at least 1 in motion"):
         simulate_servo(MASS, own, base_velocity=0.1, n_discard=0)
