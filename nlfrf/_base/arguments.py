@@ -1,4 +1,4 @@
-"""Refusals: one clear line naming the parameter, what it must be, and what it was."""
+"""Refusals: one clear line with the parameter, its requirement, and its value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nlfrf._base.values import SCREEN_WIDTH
 if TYPE_CHECKING:
     from nlfrf._base.types import Seed
 
-# ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
+# ---- Text of messages: frequencies in Hz, counts, short forms of any object.
 
 _NUMBER_WORDS = (
     "no",
@@ -39,8 +39,8 @@ _NUMBER_WORDS = (
     "eleven",
     "twelve",
 )
-#: What commands a terminal or turns the direction of the text behind it: control characters but the line break and the
-#: tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
+#: Characters that control a terminal or turn the direction of the text behind them: control characters except line
+#: break and tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
 _CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )
@@ -48,7 +48,7 @@ _LINE_BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
 
 
 def printable(text: str) -> str:
-    r"""Return a text with every character that commands a terminal written out, as JSON writes it.
+    r"""Return a text with every character that controls a terminal written out, as in JSON.
 
     >>> printable("force\x1b[2J [N]\n")
     'force\\u001b[2J [N]\n'
@@ -62,7 +62,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    r"""Return a text that comes from a file or names a thing, printable and without line breaks.
+    r"""Return a text from a file, or a name, printable and without line breaks.
 
     >>> one_line("Force\r\n[N]"), one_line("u\x9b2J")
     ('Force [N]', 'u\\u009b2J')
@@ -79,7 +79,7 @@ def short_form(thing: object) -> str:
 
 
 def format_hertz(omega: float) -> str:
-    """Return a frequency for people."""
+    """Return a frequency in Hz, as text."""
     return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
 
 
@@ -98,7 +98,7 @@ def format_small_count(n: int, what: str) -> str:
 
 
 def join_names(names: Sequence[str]) -> str:
-    """Names with commas and an "and" between them.
+    """Return names with commas and an "and" between them.
 
     >>> join_names(["1"]), join_names(["1", "3"]), join_names(["1", "3", "4"])
     ('1', '1 and 3', '1, 3 and 4')
@@ -107,13 +107,13 @@ def join_names(names: Sequence[str]) -> str:
 
 
 def format_paragraph(label: str, text: str) -> list[str]:
-    """Return a labelled paragraph that fits a screen."""
+    """Return the lines of a labelled paragraph that fits a screen."""
     rows = wrap(" ".join(text.split()), SCREEN_WIDTH - 14) or [""]
     return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
 
 
 def inverse_unit(unit: str) -> str:
-    """Return the unit of one over a quantity.
+    """Return the unit of the inverse of a quantity.
 
     >>> inverse_unit("m/N"), inverse_unit("1/N"), inverse_unit("rad"), inverse_unit("m/s/V")
     ('N/m', 'N', '1/rad', '1/(m/s/V)')
@@ -125,7 +125,7 @@ def inverse_unit(unit: str) -> str:
 
 
 def ratio_unit(top: str, bottom: str) -> str:
-    """Return the unit of one quantity over another; empty where neither is known.
+    """Return the unit of one quantity over another; empty if neither is known.
 
     >>> ratio_unit("m", "N"), ratio_unit("m", ""), ratio_unit("", "")
     ('m/N', 'm/1', '')
@@ -134,7 +134,7 @@ def ratio_unit(top: str, bottom: str) -> str:
 
 
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
-    """Return a quantity with its unit in brackets, for an axis: the one known, or what it would be.
+    """Return a quantity with its unit in brackets, for an axis: the known unit, or a description of it.
 
     >>> label_with_unit("u", "N", "unit of u"), label_with_unit("u", "", "unit of u")
     ('u [N]', 'u [unit of u]')
@@ -142,12 +142,14 @@ def label_with_unit(what: str, unit: str, otherwise: str) -> str:
     return f"{what} [{unit or otherwise}]"
 
 
-#: How a signal runs between its samples: as the band-limited signal itself, held by a converter, or nobody said.
+#: Signal between its samples: the band-limited signal itself, held by a converter, or unknown.
 HOLDS = ("band-limited", "zoh", "unknown")
 
 
 class DataWarning(UserWarning):
-    """A result that is usable but suspicious: the data or the grid limit what it means.
+    """A result that is usable but suspicious: the data or the grid limit its meaning.
+
+    Make it an error to stop at every suspicious result.
 
     Examples
     --------
@@ -157,13 +159,13 @@ class DataWarning(UserWarning):
     """
 
 
-#: Texts of the warnings so far, in order, of each function at work that `keep_warnings` decorates.
+#: Texts of the warnings so far, in order, for each running function that `keep_warnings` decorates.
 WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
 Given = ParamSpec("Given")
 
 
 class _Warned(Protocol):
-    """A value that keeps what was warned of while it was made."""
+    """A value with the texts of the warnings issued while it was made."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -175,18 +177,18 @@ Kept = TypeVar("Kept", bound=_Warned)
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
-    """Warn, with the line of the user's that led to it, however many of ours lie between; `keep_warnings` keeps it."""
+    """Warn at the line of the user's code, outside both packages; `keep_warnings` keeps the text."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
         level, frame = level + 1, frame.f_back
     warnings.warn(text, category, stacklevel=level)
-    for texts in WARNED.get():  # not of a warning that raises: who stops at it goes another way
+    for texts in WARNED.get():  # not reached if the warning is an error
         texts[text] = None
 
 
 @contextmanager
 def _collect_warnings() -> Iterator[dict[str, None]]:
-    """Collect the texts of the warnings of what runs inside, in order."""
+    """Collect the texts of the warnings issued inside, in order."""
     texts: dict[str, None] = {}
     token = WARNED.set((*WARNED.get(), texts))
     try:
@@ -196,10 +198,10 @@ def _collect_warnings() -> Iterator[dict[str, None]]:
 
 
 def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
-    """Let the value, or the list of values, that a function makes keep the warnings behind it in its field `warnings`.
+    """Decorate a function so that the value, or the list of values, that it returns keeps its warnings in `warnings`.
 
-    These are the ones that its arguments keep, those that it has already, and what `data_warning` says while the
-    function runs, whether a filter shows it or not.
+    These are the warnings of its arguments, those that it has already, and those of `data_warning` while the function
+    runs, whether a filter shows them or not.
     """
 
     @wraps(make)
@@ -216,20 +218,20 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
 
 
 def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:
-    """Return a value that keeps these warnings too, each once; the value itself where it has them all."""
+    """Return a value with these warnings added, each once; the value itself if it has them all."""
     warned = tuple(dict.fromkeys((*texts, *made.warnings)))
     return made if warned == made.warnings else replace(made, warnings=warned)  # type: ignore[type-var]  # a value is a dataclass
 
 
 def repeat_warnings(read: Kept) -> Kept:
-    """Warn again of what a value was warned of that comes from a file; return the value."""
+    """Repeat the warnings of a value that comes from a file; return the value."""
     for text in read.warnings:
         data_warning(text)
     return read
 
 
 def require_kind(name: str, thing: object, *kinds: type) -> None:
-    """A refusal unless the thing is of one of these kinds: what is made for one of them would fail somewhere inside."""
+    """Refuse an object of none of these kinds, which would fail somewhere inside."""
     if not isinstance(thing, kinds):
         raise ValueError(
             f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {short_form(thing)}"
@@ -237,7 +239,7 @@ def require_kind(name: str, thing: object, *kinds: type) -> None:
 
 
 def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> None:
-    """A refusal that names the nearest known entry, unless every entry of a file is known.
+    """Refuse an unknown entry of a file, with the nearest known one.
 
     >>> require_known("axis.toml", ["motor_mass"], ["motor_inertia", "drive"])
     Traceback (most recent call last):
@@ -257,7 +259,7 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
 
 
 class MissingArgumentError(ValueError):
-    """An argument, `parameter`, that has to be given and is not."""
+    """A required argument, `parameter`, was not given."""
 
     def __init__(self, parameter: str, why: str) -> None:
         super().__init__(f"{parameter} must be given: {why}")
@@ -265,7 +267,7 @@ class MissingArgumentError(ValueError):
 
 
 def require_positive(name: str, number: object) -> float:
-    """Return the number as a float, or a refusal unless it is finite and above zero."""
+    """Return the number as a float; refuse it unless it is finite and above zero."""
     found = require_real(name, number)
     if not found > 0:
         raise ValueError(f"{name} must be positive, got {found:g}")
@@ -273,7 +275,7 @@ def require_positive(name: str, number: object) -> float:
 
 
 def require_nonnegative(name: str, number: object) -> float:
-    """Return the number as a float, or a refusal unless it is finite and at least zero."""
+    """Return the number as a float; refuse it unless it is finite and at least zero."""
     found = require_real(name, number)
     if found < 0:
         raise ValueError(f"{name} must be zero or positive, got {found:g}")
@@ -281,7 +283,7 @@ def require_nonnegative(name: str, number: object) -> float:
 
 
 def require_real(name: str, number: object) -> float:
-    """Return the number as a float, or a refusal unless it is one finite real number."""
+    """Return the number as a float; refuse it unless it is one finite real number."""
     if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
         raise ValueError(f"{name} must be a real number, got {short_form(number)}")
     if not np.isfinite(float(number)):
@@ -290,7 +292,7 @@ def require_real(name: str, number: object) -> float:
 
 
 def require_integer(name: str, number: object, *, least: int) -> int:
-    """Return the number as an int, or a refusal unless it is a whole number of at least `least`."""
+    """Return the number as an int; refuse it unless it is a whole number of at least `least`."""
     if type(number) is int and number >= least:
         return number
     if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
@@ -301,7 +303,7 @@ def require_integer(name: str, number: object, *, least: int) -> int:
 
 
 def require_probability(name: str, number: object) -> float:
-    """Return the number as a float, or a refusal unless it lies strictly between 0 and 1."""
+    """Return the number as a float; refuse it unless it lies strictly between 0 and 1."""
     p = require_real(name, number)
     if not 0 < p < 1:
         raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
@@ -309,7 +311,7 @@ def require_probability(name: str, number: object) -> float:
 
 
 def random_generator(name: str, seed: Seed) -> np.random.Generator:
-    """A source of random numbers from one, from a seed or from nothing, or a refusal."""
+    """Return a generator of random numbers, from a generator, a seed or None; refuse other types."""
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError):
@@ -317,14 +319,14 @@ def random_generator(name: str, seed: Seed) -> np.random.Generator:
 
 
 def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
-    """Return the choice, or a refusal that lists what can be chosen."""
+    """Return the choice; refuse it unless it is one of the choices."""
     if choice not in choices:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}")
     return str(choice)
 
 
 def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
-    """Return the array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
+    """Return the array as float64; refuse it unless it has `ndim` axes and finite real numbers."""
     if isinstance(array, np.ma.MaskedArray):
         _require_unmasked(name, array)
     array = np.asarray(array)
@@ -342,7 +344,7 @@ def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
 
 
 def _require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
-    """Refuse masked samples, which would otherwise count with whatever lies under the mask."""
+    """Refuse masked samples: the numbers under the mask would be used."""
     mask = np.ma.getmaskarray(array)
     if mask.any():
         first = tuple(int(i) for i in np.argwhere(mask)[0])
@@ -353,7 +355,7 @@ def _require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
 
 
 def channel_names(name: str, given: object, count: int) -> tuple[str, ...]:
-    """Names of channels, none where none are given; of one channel a text will do."""
+    """Return names of channels, none if none are given; a text suffices for one channel."""
     names = (given,) if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
     if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
         wanted = "one name" if count == 1 else f"{count} different names"

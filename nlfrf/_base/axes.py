@@ -1,4 +1,4 @@
-"""Axes, legends and decibels, as every picture of both packages has them."""
+"""Axes, legends and decibels of every picture of both packages."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.typing import ColorType
 
-#: Axes as `plt.subplots` gives them: one, or several.
+#: Axes as returned by `plt.subplots`: one, or several.
 AxesLike: TypeAlias = "Axes | list[Axes] | tuple[Axes, ...] | np.ndarray"
-_TITLE_LETTERS, _SMALL_LETTERS = 10.0, 16.0  # of a title in an inch, large and small
-_LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
+_TITLE_LETTERS, _SMALL_LETTERS = 10.0, 16.0  # letters of a title per inch, large and small
+_LETTER_SIZE = 15.0  # letters of a legend per inch; a marker counts as _MARKER_SIZE
 _MARKER_SIZE = 6
-_DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
-_HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
-_MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
+_DEPTH_DB = 20.0  # [dB] below a curve, lower edge of a band that extends to zero
+_HEADROOM = 6.0  # [dB] least free space above and below the curves of a picture
+_MAX_GROWTH = 1.25  # growth of the width of axes by a layout
 
 
 def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
-    """Return one Axes of what `plt.subplots` may give, or refuse an array of several: the picture draws on one."""
+    """Return one Axes from a result of `plt.subplots`; refuse an array of several, as the picture draws on one."""
     if not isinstance(ax, (np.ndarray, list, tuple)):
         return ax
     given = np.asarray(ax, dtype=object).ravel()
@@ -39,7 +39,7 @@ def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
 
 
 def axes_or_new(ax: AxesLike | None) -> Axes:
-    """Return the axes given, or those of a new figure."""
+    """Return the given axes, or those of a new figure."""
     given = _single_axes(ax)
     if given is not None:
         return given
@@ -49,7 +49,7 @@ def axes_or_new(ax: AxesLike | None) -> Axes:
 
 
 def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
-    """Return axes of magnitude and of phase: the two given, or two in the place of one, or in a new figure."""
+    """Return axes for magnitude and phase: the two given ones, or two in the place of one, or in a new figure."""
     if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
         top, bottom = np.asarray(ax, dtype=object).ravel()
         return top, bottom
@@ -75,9 +75,9 @@ def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
 
 
 def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[np.ndarray, Axes]:
-    """Return (n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
+    """Return (n, m) axes of a matrix, in the place of the given ones or in a new figure, and axes for their legend.
 
-    Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
+    Rows have names at their left end, columns at their top: outputs and inputs. A row shares its vertical axis.
     """
     n, m = len(rows), len(columns)
     whole = _single_axes(ax)
@@ -93,7 +93,7 @@ def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
     made = np.empty((n, m), dtype=object)
     for j, i in np.ndindex(n, m):
         where = (place.x0 + i * wide, place.y0 + (n - 1 - j) * high, 0.93 * wide, 0.86 * high)
-        shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None, of the first
+        shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None for the first axes
         one = figure.add_axes(where, **shared) if inside is None else figure.add_subplot(inside[j, i], **shared)
         one.tick_params(which="both", labelbottom=j == n - 1, labelleft=i == 0)
         one.set_title(columns[i] if j == 0 else "", fontsize="medium")
@@ -106,7 +106,7 @@ def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
 
 
 def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
-    """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
+    """Draw grids, the label of the horizontal axis in the lowest row, and one legend for all below it."""
     entries: dict[str, Artist] = {}
     for one in made.flat:
         _draw_grid(one)
@@ -122,7 +122,7 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
 
 
 def finish_axes(ax: Axes) -> Axes:
-    """Draw grid and legend, the same in every picture; the title fits, the legend stands below the axes."""
+    """Draw grid and legend, alike in every picture; the title fits, and the legend is below the axes."""
     _draw_grid(ax)
     _fit_title(ax)
     handles, labels = ax.get_legend_handles_labels()
@@ -139,14 +139,14 @@ def _fit_title(ax: Axes) -> None:
 
 
 def _draw_grid(ax: Axes) -> None:
-    """A grid, and plain numbers on a logarithmic axis."""
+    """Draw a grid, with plain numbers on a logarithmic axis."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_xscale() == "log":
         _plain_numbers(ax)
 
 
 def _legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34) -> None:
-    """A legend under the axes, so many points down."""
+    """Draw a legend below the axes, at a distance `down` [points]."""
     from matplotlib.transforms import offset_copy
 
     ax.legend(
@@ -164,7 +164,7 @@ def _legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], dow
 
 
 def _plain_numbers(ax: Axes) -> None:
-    """A logarithmic axis that says 20, not two times ten to the one."""
+    """Label a logarithmic axis with plain numbers, 20 and not 2e1."""
     from matplotlib.ticker import FuncFormatter
 
     low, high = ax.get_xlim()
@@ -176,7 +176,7 @@ def _plain_numbers(ax: Axes) -> None:
 
 
 def join_labels(bottom: Axes, top: Axes) -> None:
-    """The legend of a pair under the lower axes: the labels of the upper ones, once."""
+    """Add the labels of the upper axes of a pair to the legend of the lower ones, each once."""
     existing = set(bottom.get_legend_handles_labels()[1])
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
         if label not in existing:
@@ -187,8 +187,8 @@ def join_labels(bottom: Axes, top: Axes) -> None:
         handle.set_label(f"_{label}")
 
 
-def _line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
-    """Return how a curve or a band is drawn, for a sample of it in a legend."""
+def _line_style(handle: Artist) -> dict[str, Any]:  # values of many types, like the arguments of a drawing
+    """Return the style of a curve or a band, for its sample in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
         return {name: getattr(handle, f"get_{name}")() for name in kept}
@@ -198,7 +198,7 @@ def _line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many typ
 
 
 def _legend_columns(ax: Axes, labels: list[str]) -> int:
-    """Return how many columns of a legend fit under the axes."""
+    """Return the number of legend columns that fit below the axes."""
     available = ax.get_position().width * ax.figure.figure.get_figwidth() * _LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
         available *= _MAX_GROWTH
@@ -207,21 +207,21 @@ def _legend_columns(ax: Axes, labels: list[str]) -> int:
 
 
 def height_below(ax: Axes) -> float:
-    """Height [inch] that the axis label and the legend take below the axes."""
+    """Return the height [inch] of axis label and legend below the axes."""
     legend = ax.get_legend()
     if legend is None:
         return 0.5
-    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))  # type: ignore[attr-defined]  # nothing public tells it
+    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))  # type: ignore[attr-defined]  # there is no public attribute
     return 0.6 + 0.19 * rows
 
 
 def add_note(ax: Axes, text: str) -> None:
-    """A remark in small letters inside the axes, at the bottom."""
+    """Write a remark in small letters inside the axes, at the bottom."""
     ax.text(0.01, 0.015, text, transform=ax.transAxes, fontsize="small", color="0.35", va="bottom")
 
 
 def to_decibel(x: np.ndarray) -> np.ndarray:
-    """Amplitude in decibels; nan where it is zero."""
+    """Return an amplitude in decibels; nan for zero."""
     x = np.asarray(x, dtype=float)
     return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))
 
@@ -229,7 +229,7 @@ def to_decibel(x: np.ndarray) -> np.ndarray:
 def write_pictures(
     path: Path, pictures: Sequence[tuple[Callable[..., object], object]], *, height: float = 4.8
 ) -> None:
-    """Draw pictures (function, what it draws) side by side into one file of this height [inch], without a screen."""
+    """Draw pictures (function, argument) side by side into one file of this height [inch], without a screen."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -245,7 +245,7 @@ def write_pictures(
 
 
 def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED) -> None:
-    """Write a figure that says who drew it, in the formats that can say so."""
+    """Write a figure, with a signature in the formats that have one."""
     kind = path.suffix.lstrip(".").lower()
     existing = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
     metadata = None if existing is None else {existing: PICTURE_SIGNATURE}
@@ -255,7 +255,7 @@ def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED
 
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Where a band of gains ends below, for a logarithmic axis: zero has no place there, so DEEP under the curve."""
+    """Return the lower edge of a band of gains on a logarithmic axis, at most _DEPTH_DB below the curve (for zero)."""
     return np.maximum(low, 10 ** (-_DEPTH_DB / 20) * size)
 
 
@@ -271,23 +271,23 @@ def gain_band(
     over: str,
     alpha: float = 0.35,
 ) -> None:
-    """Draw gains `low` to `high` as a band in decibels about the curve `size`.
+    """Draw gains `low` to `high` as a band in decibels around the curve `size`.
 
-    Where `low` is not above zero the band has no lower edge. It ends DEEP under the curve there, is hatched, and the
-    legend says by `over` what that means.
+    Where `low` is not above zero, the band has no lower edge: it ends _DEPTH_DB below the curve, is hatched, and `over`
+    explains this in the legend.
     """
     edge, top = to_decibel(lower_edge(size, low)), to_decibel(np.minimum(high, 1e3 * size))
     ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
     endless = ~(low > 0) & (size > 0)
     if endless.any():
-        hatched = endless.copy()  # half a step is none: hatched up to the next line on both sides
+        hatched = endless.copy()  # hatched up to the next line on both sides
         hatched[1:] |= endless[:-1]
         hatched[:-1] |= endless[1:]
         ax.fill_between(f, edge, top, where=hatched, label=over, facecolor="none", edgecolor=color, hatch="/////", lw=0)
 
 
 def follow_lines(ax: Axes) -> None:
-    """Fit the vertical axis to the curves and points that are drawn, whatever the bands around them do."""
+    """Fit the vertical axis to the curves and points, and not to the bands around them."""
     drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
     values = np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
     if values.size:
@@ -296,7 +296,7 @@ def follow_lines(ax: Axes) -> None:
 
 
 def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """(W,) half the width [deg] of the phases of a disc about G; nan where it holds zero, and with it every phase."""
+    """Return (W,) half the phase width [deg] of a disc around G; nan if it contains zero, and so every phase."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = radius / np.abs(G)
         return np.degrees(np.arcsin(np.where(ratio < 1, ratio, np.nan)))

@@ -1,4 +1,4 @@
-"""What the commands `nlfrf` and `robust` share: one line for a warning, for bad input, and for the version."""
+"""Common parts of the commands `nlfrf` and `robust`: one line for a warning, for bad input, and for the version."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from nlfrf._base.values import to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
+OUTPUT_PARAMETERS = ("out", "picture")  # parameters with a file to write; every other path is read
 _OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 
 
@@ -32,13 +32,13 @@ Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class Commands(typer.Typer):
-    """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
+    """The commands of a program. Each protects its inputs from its outputs, and prints every file that it wrote."""
 
     def command(self, name: str | None = None, **options: Any) -> Callable[[Command], Command]:
         """Register a command; one with an output has `--overwrite`, too."""
 
         def add(function: Command) -> Command:
-            # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
+            # the whole first sentence; typer would cut it to 45 letters
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
             super(Commands, self).command(name, **{"short_help": sentence, **options})(_guard_outputs(function))
             return function
@@ -47,7 +47,7 @@ class Commands(typer.Typer):
 
 
 def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
-    """Return the command with its outputs refused where they would overwrite inputs, and named when it ends."""
+    """Return the command with a check that outputs do not overwrite inputs, and a list of outputs at its end."""
     signature = inspect.signature(function)
     if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
         return function
@@ -61,11 +61,11 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
             )
             try:
                 function(**given)
-            finally:  # of a command that fails half way, too
+            finally:  # also for a command that fails midway
                 for path in running.written:
                     typer.echo(f"wrote {path}", err=bool(given.get("json")))
 
-    # where --force is the largest friction force, it has the one name only
+    # if --force is the largest friction force, the option has one name only
     names = ("--overwrite",) if "force" in signature.parameters else ("--overwrite", "--force")
     hints = get_type_hints(function, include_extras=True)
     hints["overwrite"] = Annotated[bool, typer.Option(*names, help=_OVERWRITE_HELP)]
@@ -79,34 +79,34 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
 
 def _find_paths(value: object) -> list[Path]:
-    """Return the paths among what a parameter was given."""
+    """Return the paths in the value of a parameter."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 
 class _Printable:
-    """A text stream that writes out whatever in a text would command the terminal behind it (`printable`)."""
+    """A text stream without characters that control a terminal (`printable`)."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text so."""
+        """Write a text, made printable."""
         self.stream.write(printable(text))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
-        """Write several so."""
+        """Write several texts, made printable."""
         self.write("".join(lines))
 
     def __getattr__(self, name: str) -> object:
-        if name == "buffer":  # the way around it, which click takes where it finds one
+        if name == "buffer":  # click would bypass this stream through it
             raise AttributeError(name)
         return getattr(self.stream, name)
 
 
 @contextmanager
 def _clean_streams() -> Iterator[None]:
-    """Everything that is printed, whoever prints it, cleaned: names in files, paths, messages of libraries."""
+    """Make everything that is printed inside printable: names in files, paths, messages of libraries."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (_Printable(stream) for stream in before)
     try:
@@ -116,7 +116,7 @@ def _clean_streams() -> Iterator[None]:
 
 
 def _rich_console() -> Console:
-    """Return a console of rich on standard error itself: what moves there is drawn by codes that are meant."""
+    """Return a console of rich on standard error itself, because its control codes are intended."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr))
@@ -125,9 +125,9 @@ def _rich_console() -> Console:
 def run_command(name: str, app: Callable[..., object], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
-    Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
-    have another name on the command line: in messages they have that one. What names in a file could do to a terminal
-    is undone on the way, in everything that is printed.
+    Warnings of the classes `shown` are one line each, too, and appear once. `options` maps parameters of the library to
+    options of the command line, which replace them in messages. All printed text is made printable, so that names in a
+    file cannot control a terminal.
     """
     with _clean_streams(), warnings.catch_warnings():
         for category in shown:
@@ -144,11 +144,11 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
             file: TextIO | None = None,
             line: str | None = None,
         ) -> None:
-            if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
+            if not issubclass(category, shown):  # of another library: the user cannot act on it
                 others(message, category, filename, lineno, file, line)
                 return
             text = _name_options(one_line(str(message)), options)
-            if text not in printed:  # of several outputs, each warns of what they share
+            if text not in printed:  # several outputs may give the same warning
                 typer.echo(f"{name}: warning: {text}", err=True)
             printed.add(text)
 
@@ -168,36 +168,36 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
 
 
 def _name_options(text: str, options: Mapping[str, str]) -> str:
-    """Return a message of the library in the words of the command line.
+    """Return a message of the library with options in place of parameters.
 
     >>> _name_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
     '--period must be 7; give --period 7 or --resample'
-    >>> _name_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
+    >>> _name_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call is unchanged
     'go to record_from_samples(u, y, fs=...)'
     """
     for parameter, option in options.items():
         option = f"--{option or parameter}"
         text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
         text = re.sub(rf"\b{parameter} ?= ?(?!\.\.\.)(?=\S)", f"{option} ", text)
-        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals everywhere else
+        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals elsewhere
         text = re.sub(rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text)
     return text
 
 
 def _describe_error(error: Exception) -> str:
-    """Return what went wrong, for a command line: the system's own errors name their file first."""
+    """Describe an error for the command line; errors of the system have the name of the file first."""
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
     return one_line(str(error))
 
 
 def printer(json: bool) -> Callable[[object], None]:
-    """Who says what was found: standard output, or standard error where that is kept for JSON."""
+    """Return the print function: standard output, or standard error if that is reserved for JSON."""
     return lambda printed: typer.echo(str(printed), err=json)
 
 
 def finish_command(results: object, good: bool, json: bool, *, code: int = 1) -> None:
-    """The end of a command with a verdict: the result as JSON where asked for, an exit code where it is not good."""
+    """End a command with a verdict: print the result as JSON if wanted, exit with a code if it is not good."""
     if json:
         typer.echo(to_json(results, most=MAX_ROWS))
     if not good:
@@ -207,11 +207,11 @@ def finish_command(results: object, good: bool, json: bool, *, code: int = 1) ->
 def require_left_out(options: Mapping[str, object]) -> None:
     """Refuse the first option that was given for an experiment on a drive."""
     if name := next((name for name, given in options.items() if given), None):
-        raise ValueError(f"--{name} must be left out for an experiment on a drive: its design says it")
+        raise ValueError(f"--{name} must be left out for an experiment on a drive: its design contains it")
 
 
 def parse_number(name: str, text: str) -> float:
-    """Return a number given as text, or a refusal."""
+    """Return a number given as text; refuse other text."""
     try:
         return float(text)
     except ValueError:
@@ -220,16 +220,16 @@ def parse_number(name: str, text: str) -> float:
 
 @contextmanager
 def spinner(what: str) -> Iterator[None]:
-    """A spinner on standard error while something takes its time."""
+    """Show a spinner on standard error during a long task."""
     with _rich_console().status(what):
         yield
 
 
 @contextmanager
 def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error that takes (done, total), moves while a step takes long, and is gone afterwards.
+    """Show a bar on standard error, moved by calls (done, total), also during a long step; it vanishes at the end.
 
-    Nothing is written where that is a file: rich would end it with an empty line.
+    Nothing is written if standard error is a file, because rich would end it with an empty line.
     """
     bar = rich_bar(_rich_console(), what, even=even)
 
@@ -241,14 +241,14 @@ def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int,
 
 
 def _print_version(wanted: bool) -> None:
-    """Print the version and stop, before a command is asked for."""
+    """Print the version and stop, before a command is required."""
     if wanted:
         typer.echo(f"nlfrf + robust {version('nlfrf')}")
         raise typer.Exit
 
 
-_INTERRUPTED = 130  # exit code of a command that was interrupted, as a shell has it
-MAX_ROWS = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
+_INTERRUPTED = 130  # exit code of an interrupted command, as in a shell
+MAX_ROWS = 64  # most numbers of an array in a JSON verdict; a longer array is given by its shape
 Decimal = Annotated[
     str,
     typer.Option(

@@ -1,4 +1,4 @@
-"""The entries of a file that describe a drive, as the arguments of `Drive`."""
+"""The entries of a file that describe a drive, as arguments of `Drive`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.types import JsonObject
 from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 
-PORTS = ("force", "velocity", "position")  # set points of a drive that something can be added to
-GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
+PORTS = ("force", "velocity", "position")  # set points of a drive to which a signal can be added
+GAINS = ("kv", "kp", "tn")  # gains that identify the drive of an experiment
 SAME_GAIN = 1e-3  # relative error up to which two gains are the same
-#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
-#: misread is off by a factor of 16.7 or 60.
+#: Position gains [1/s] without a warning. Chosen: the four preset axes have 15 to 100 1/s, and a misread unit gives an
+#: error by a factor of 16.7 or 60.
 USUAL_KV = (5.0, 1000.0)
 #: Entry -> kind of quantity.
 _NUMBERS = {
@@ -23,23 +23,23 @@ _NUMBERS = {
     "torque_constant": "torque constant",
     "velocity_feedforward": "share",
 }
-#: Entries that are texts or whole numbers, as `Drive` takes them.
+#: Entries that are texts or whole numbers, as in `Drive`.
 _PLAIN = ("position_every", "encoder", "position_unit", "load_unit", "unit_factor", "load_factor")
-#: Entries that a file may have whose numbers need no unit.
+#: Optional entries of a file whose numbers need no unit.
 _WITHOUT_UNIT = ("delay_periods", "filters")
 
 
 def read_drive_entries(where: str, content: Mapping[str, object], *, position: str = "") -> JsonObject:
     """Return the arguments of a `Drive`.
 
-    position : "m" or "rad", where a number without a unit is in m, rad, N, Nm, A and s. When it is not given, every
-        number must have its unit, and a file without `lag` or `delay` stands for none and for one period: both are
-        named as assumed.
+    position : "m" or "rad": a number without a unit is then in m, rad, N, Nm, A and s. If it is not given, every number
+        must have its unit, and a missing `lag` or `delay` is taken as zero and as one period: both are listed as
+        assumed.
 
     Raises
     ------
     ValueError
-        An entry that is not known or missing, a number without a unit or with a wrong one.
+        An unknown or missing entry, a number without a unit or with a wrong one.
     """
     plain = _PLAIN + _WITHOUT_UNIT * bool(position)
     require_known(where, content, [*_NUMBERS, *plain, "kp"])
@@ -59,7 +59,7 @@ def read_drive_entries(where: str, content: Mapping[str, object], *, position: s
 
 
 def _read_gain(written: object, position: str) -> tuple[object, str]:
-    """Return kp and its unit; of an axis in m or rad only one over a velocity of it."""
+    """Return kp and its unit; for an axis in m or rad it must be a gain over a velocity in m/s or rad/s."""
     if position and not isinstance(written, str):
         return written, f"A/({position}/s)"
     try:
@@ -74,7 +74,7 @@ def _read_gain(written: object, position: str) -> tuple[object, str]:
 
 
 def is_unusual_gain(kv: float) -> bool:
-    """Return whether hardly any drive has a position gain kv [1/s]; none at all is not unusual.
+    """Return whether a position gain kv [1/s] is unusual for drives; zero is not.
 
     >>> is_unusual_gain(3.6), is_unusual_gain(60.0), is_unusual_gain(0.0)
     (True, False, False)

@@ -1,4 +1,4 @@
-"""Packages that serve one part only, which are installed with an extra of this package."""
+"""Packages for one part only, which an extra of this package installs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import ModuleType
 
 
 class MissingPackageError(ModuleNotFoundError):
-    """A package that is not installed, with the command that installs it."""
+    """A package is not installed; the message has the command that installs it."""
 
 
 def import_extra(name: str, extra: str, purpose: str) -> ModuleType:
@@ -16,16 +16,16 @@ def import_extra(name: str, extra: str, purpose: str) -> ModuleType:
     Parameters
     ----------
     name : str
-        The module.
+        Name of the module.
     extra : str
-        The extra of this package that installs it.
+        Extra of this package that installs it.
     purpose : str
-        What needs it, the subject of a sentence.
+        Task that needs it, the subject of a sentence.
 
     Raises
     ------
     MissingPackageError
-        It is not installed; one line that says what to do.
+        The module is not installed; one line with the command.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def import_extra(name: str, extra: str, purpose: str) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != name.partition(".")[0]:  # installed, and one of its own is missing
+        if error.name != name.partition(".")[0]:  # it is installed, but one of its dependencies is missing
             raise
         raise MissingPackageError(
             f"{purpose} needs the package {name}, which is not installed: pip install 'nlfrf[{extra}]'", name=name

@@ -29,37 +29,37 @@ from nlfrf._base.values import ArrayField
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
-# ---- What a command may write: never onto a file that it reads, nor over a file that no command of its kind made.
+# ---- Output files: a command never writes onto a file that it reads, nor over a file of another kind.
 #
-# Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then
-# its inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The
-# kind is read from the file itself (`_file_kind`), because nothing else survives copying a folder or calling a script
-# again.
+# Every file of both packages goes through `write_atomically`, which checks this. A command opens `guarded_outputs`;
+# then its inputs are safe under each of their names, and an existing file is replaced only by a result of its own
+# kind. The kind is read from the file itself (`_file_kind`), because nothing else survives copying a folder or
+# repeating a script.
 #
-# Outside a command a path is one that the caller wrote down, and is replaced as NumPy and pandas do. A file whose name
-# a function made up (`Role.DERIVED`) is treated as in a command: nobody asked for that name.
+# Outside a command the caller wrote the path, and the file is replaced as NumPy and pandas do. A file whose name a
+# function made (`Role.DERIVED`) is treated as in a command, because the caller did not choose that name.
 
-PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
+PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # signature in pictures
 RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
-#: Kinds of the same records, where no command simulated them.
+#: Kinds of these records if no command simulated them.
 MEASURED_RECORDS = ("a measured record", "a measured record of several channels")
 MULTIRECORD_KINDS = (RECORD_SCHEMAS[1], MEASURED_RECORDS[1])
-SIMULATED_MARK = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
+SIMULATED_MARK = "simulated"  # entry of a simulated record; any other record may be a measurement
 DESIGN_MARK = "the samples of a design"
 _TABLE_HEADERS = (
     (r"f \[Hz\],Re G,Im G,bound,bound_realization,std_noise,.*", "the table of a BLA"),
     (r"f \[Hz\](,Re [^,]+,Im [^,]+,bound [^,]+)+", "the table of a matrix"),
     (r"b0,b1,b2,a0,a1,a2", "second-order sections"),
     (r"t \[s\](,u\d+( experiment \d+)?)+", DESIGN_MARK),
-    (r"t \[s\],.*", ""),  # a record: it looks like anybody's measurement
+    (r"t \[s\],.*", ""),  # a record: it looks like any measurement
 )
 _TEXT_SIGNATURE = rb"(?m)^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$"
 _PAGE_SIGNATURE = rb'<meta name="generator" content="(robust: [^"]+)">'
-_HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
+_HEAD_BYTES = 1 << 12  # bytes at either end of a file that contain its signature
 
 
 class _FileKind(NamedTuple):
-    """What a kind of file is called, and the command that takes a file {} of it."""
+    """Name of a kind of file, and the command that takes a file {} of it."""
 
     name: str
     command: str
@@ -96,16 +96,16 @@ FILE_KINDS = {
 
 
 class Role(Enum):
-    """Why a file has the name it has."""
+    """Origin of the name of a file."""
 
     NAMED = "the caller wrote its name"
     DERIVED = "its name is made up from that of another file"
-    KEPT = "its name is a digest of what computes it, in a folder for resuming"
+    KEPT = "its name is a digest of its computation, in a folder for resuming"
 
 
 @dataclass
 class _Outputs:
-    """What the command that is running reads, and what it has written so far."""
+    """Inputs of the running command, and the files written so far."""
 
     inputs: tuple[Path, ...]
     overwrite: bool
@@ -117,7 +117,7 @@ _RUNNING_COMMAND: ContextVar[_Outputs | None] = ContextVar("running", default=No
 
 @contextmanager
 def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[_Outputs]:
-    """While a command runs: keep its inputs, and what it did not make, from what it writes."""
+    """Protect the inputs of a running command, and files of other kinds, from its outputs."""
     running = _Outputs(tuple(inputs), overwrite)
     token = _RUNNING_COMMAND.set(running)
     try:
@@ -127,19 +127,19 @@ def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Itera
 
 
 def is_command() -> bool:
-    """Return whether a command is running, and not a script of the user's."""
+    """Return whether a command is running, and not a script of the user."""
     return _RUNNING_COMMAND.get() is not None
 
 
 def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
-    """Refuse, before the work is done, what `_admit_file` would refuse after it whatever is to be written.
+    """Refuse, before the work, paths that `_admit_file` would refuse for any content.
 
     Parameters
     ----------
     *paths : Path
-        Files that are to be written.
+        Files to write.
     role : Role
-        Where their names come from.
+        Origin of their names.
     """
     running = _RUNNING_COMMAND.get()
     for path in paths:
@@ -148,12 +148,12 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
             if _is_same_file(target, taken):
                 which = "" if str(path) == str(taken) else f", which is {taken}"
                 raise ValueError(
-                    f"a file to write must not be one that the command reads, got {path}{which}: what it holds would "
-                    "be lost; take another name"
+                    f"a file to write must not be one that the command reads, got {path}{which}: its content would be "
+                    "lost; use another name"
                 )
         for taken in () if running is None else running.written:
             if _is_same_file(target, taken):
-                raise ValueError(f"files to write must have different names, got {path} twice; take another name")
+                raise ValueError(f"files to write must have different names, got {path} twice; use another name")
         if target.exists() and not target.is_file():
             raise ValueError(f"a file to write must be a file, got {path}, which is a folder or a device")
         if _is_guarded(running, role) and target.exists() and not _is_replaceable(target, path):
@@ -161,16 +161,16 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
 
 
 def _admit_file(path: Path, new: Path, role: Role) -> None:
-    """Refuse a file that is about to take a place, or note that it is written.
+    """Refuse a new file for a path, or note that it is written.
 
     Parameters
     ----------
     path : Path
-        The place.
+        Path of the file.
     new : Path
-        The whole file that is to be there.
+        The complete new file.
     role : Role
-        Where the name of the place comes from.
+        Origin of the name of `path`.
     """
     require_writable(path, role=role)
     running, target = _RUNNING_COMMAND.get(), _resolve_target(path)
@@ -183,21 +183,21 @@ def _admit_file(path: Path, new: Path, role: Role) -> None:
 
 
 def _is_guarded(running: _Outputs | None, role: Role) -> bool:
-    """Return whether a file that is no result of ours has to stay."""
+    """Return whether a file of another kind must be kept."""
     return role is not Role.KEPT and (role is Role.DERIVED if running is None else not running.overwrite)
 
 
 def _raise_for_foreign(path: Path, running: _Outputs | None) -> None:
-    """Refuse to replace what is in a place."""
-    cure = "take another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
+    """Refuse to replace the file at a path."""
+    cure = "use another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
     raise ValueError(
-        f"a file to write must be new or an earlier result of the same kind, got {path}, which holds "
+        f"a file to write must be new or an earlier result of the same kind, got {path}, which contains "
         f"{_describe_content(path)}; {cure}"
     )
 
 
 def _describe_content(path: Path) -> str:
-    """Return what a file holds, for people; of a table what its design says, if it stands in the .npz of its name."""
+    """Describe the content of a file; for a table use its design, if the .npz with its name has one."""
     design = path.with_suffix(".npz")
     if path != design and stated_kind(design, ".npz") == "nlfrf-axis-experiment":
         return f"set points or a trace of the experiment in {design.name}"
@@ -206,30 +206,30 @@ def _describe_content(path: Path) -> str:
 
 
 def _resolve_target(path: Path) -> Path:
-    """Return the file behind a path: a symbolic link is written through, as by every other program."""
+    """Return the file behind a path: a write follows a symbolic link, as in other programs."""
     return Path(os.path.realpath(path))
 
 
 def _is_same_file(one: Path, other: Path) -> bool:
-    """Whether two paths name one file: by links of both kinds, and by case where names differ in nothing else."""
+    """Return whether two paths name one file: by links of both kinds, or if they differ in case only."""
     try:
         if one.samefile(other):
             return True
-    except OSError:  # one of them is not there
+    except OSError:  # one of them does not exist
         pass
     return str(_resolve_target(one)).casefold() == str(_resolve_target(other)).casefold()
 
 
 def _is_replaceable(target: Path, path: Path) -> bool:
-    """Return whether an existing file says that these packages made it."""
+    """Return whether an existing file has a signature of these packages."""
     kind = _file_kind(target, path.suffix.lower())
-    # anybody's generator may write a column u0: ours has its design beside it
+    # any generator may write a column u0; a file of this package has its design next to it
     return kind is not None and (
         kind != DESIGN_MARK or "multisine" in (_file_kind(path.with_suffix(".npz"), ".npz") or "")
     )
 
 
-#: Arguments of `load_record` -> options of the commands, which the two commands and the hints of a refusal share.
+#: Arguments of `load_record` -> options, for both commands and the hints of refusals.
 LOAD_OPTIONS = {
     "u": "input",
     "y": "output",
@@ -244,7 +244,7 @@ LOAD_OPTIONS = {
 
 
 def command_signature(command: str) -> str:
-    """Return the line at the end of a text file by which `_file_kind` knows the command that wrote it.
+    """Return the last line of a text file, by which `_file_kind` recognises the command that wrote it.
 
     >>> command_signature("robust check")
     "(written by 'robust check')"
@@ -253,31 +253,31 @@ def command_signature(command: str) -> str:
 
 
 def _file_kind(path: Path, suffix: str) -> str | None:
-    """Return what a file says it is, None where it does not say that these packages made it, or cannot be read.
+    """Return the kind stated in a file; None without a signature of these packages, or if it cannot be read.
 
-    A record counts only where a command simulated it, because a measurement is written by the same function.
+    A record counts only if a command simulated it, because the same function writes measurements.
     """
     kind = stated_kind(path, suffix)
     return None if kind in MEASURED_RECORDS else kind
 
 
 def stated_kind(path: Path, suffix: str) -> str | None:
-    """Return what a file says it is, a measured record too; None where it does not say, or cannot be read."""
+    """Return the kind stated in a file, also for a measured record; None without one, or if it cannot be read."""
     try:
         return _KIND_READERS[suffix](path)
-    except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
+    except Exception:  # a damaged file may raise anything, and so does an unknown suffix
         return None
 
 
 def require_file_of(path: str | os.PathLike[str], *schemas: str) -> None:
-    """Refuse a file that says it is of another kind, with the command that takes it."""
+    """Refuse a file that states another kind, with the command that takes it."""
     kind = stated_kind(to_path(path), to_path(path).suffix.lower())
     if kind is not None and kind not in schemas:
         raise ValueError(describe_wrong_file(path, kind, *schemas))
 
 
 def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas: str) -> str:
-    """The refusal of a file of a kind, None where it says none: what is wanted, what it is, the command that takes it.
+    """Return the refusal of a file of a kind (None if it states none): wanted kind, its kind, the command for it.
 
     >>> describe_wrong_file("G.npz", "nlfrf-bla", "robust-model", "robust-matrix-model")
     'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz -o model.json'
@@ -312,7 +312,7 @@ def _kind_of_mat(path: Path) -> str | None:
     from scipy.io import loadmat
 
     content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED_MARK])
-    if "content" in content:  # of `robust export`
+    if "content" in content:  # from `robust export`
         return str(content["content"]["kind"].item().item())
     return (
         str(content["kind"].item())
@@ -367,30 +367,30 @@ _KIND_READERS: dict[str, Callable[[Path], str | None]] = {
 }
 
 
-DECIMALS = (".", ",")  # marks of decimals that a table may have
-_CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
-VERSION = 1  # of the schemas of records and results
+DECIMALS = (".", ",")  # decimal marks of a table
+_CHUNK_ROWS = 1 << 14  # rows of a table that are formatted at a time
+VERSION = 1  # version of the schemas of records and results
 
 
 def to_path(path: object) -> Path:
-    """Return the path as a `Path`, or a refusal of what is none."""
+    """Return the path as a `Path`; refuse other types."""
     if not isinstance(path, str | os.PathLike):
         raise ValueError(f"path must be a text or a pathlib.Path, got {short_form(path)}")
     return Path(path)
 
 
 def page_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a page, or a refusal where it ends otherwise."""
+    """Return the path of an HTML page; refuse another suffix."""
     return _path_ending_in(path, ".html", ".htm")
 
 
 def json_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a JSON file, which `load` knows by its suffix, or a refusal where it ends otherwise."""
+    """Return the path of a JSON file, which `load` recognises by its suffix; refuse another suffix."""
     return _path_ending_in(path, ".json")
 
 
 def _path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
-    """Return a path with one of these suffixes, or a refusal that names the first."""
+    """Return a path with one of these suffixes; refuse others with the first in the message."""
     path = to_path(path)
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"path must end in {suffixes[0]}, got {path.name!r}")
@@ -398,23 +398,23 @@ def _path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
 
 
 def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
-    """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
+    """Write a file whole or not at all: `write` fills a temporary file, which then replaces it.
 
     Parameters
     ----------
     path : path
-        Where the file is to be.
+        Path of the file.
     write : callable
-        Is given the path to write to.
+        Called with the path to write to.
     role : Role
-        Where the name comes from: it decides which existing file may be replaced, see `nlfrf._base.files`.
+        Origin of the name: it decides which existing file may be replaced, see `nlfrf._base.files`.
 
     Raises
     ------
     ValueError
-        A file that has to stay.
+        The existing file must be kept.
     FileNotFoundError
-        A folder that does not exist.
+        The folder does not exist.
     """
     path = to_path(path)
     target = _resolve_target(path)
@@ -434,14 +434,14 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None]
 
 
 def _current_umask() -> int:
-    """Return the process's umask; mkstemp makes files that only their owner may read."""
+    """Return the umask of the process; mkstemp makes files that only their owner may read."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
 
 
 def write_arrays(path: Path, content: Mapping[str, np.ndarray], *, role: Role = Role.NAMED) -> None:
-    """Write named arrays in the format that the suffix says."""
+    """Write named arrays in the format of the suffix."""
     suffix = path.suffix.lower()
     if suffix == ".npz":
         write_atomically(path, lambda target: _save_arrays(target, content), role=role)
@@ -479,7 +479,7 @@ def _save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
 def write_table(
     path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".", comments: Sequence[str] = ()
 ) -> None:
-    """Write columns of numbers under their names, each number with the fewest digits that give it back exactly.
+    """Write columns of numbers under their names, each number with the fewest digits that reproduce it exactly.
 
     Parameters
     ----------
@@ -488,9 +488,9 @@ def write_table(
     table : (n, columns) ndarray
         The numbers.
     names : sequence of str
-        What stands above the columns.
+        Names of the columns.
     decimal : str
-        "." with commas between columns, or "," with semicolons, as spreadsheets in most of Europe want it.
+        "." with commas between columns, or "," with semicolons, for spreadsheets in most of Europe.
     comments : sequence of str
         Rows above the names, behind a "#".
     """
@@ -525,19 +525,19 @@ def write_json(content: Mapping[str, object], path: str | os.PathLike[str]) -> N
     write_text(json_path(path), json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-# ---- JSON from a file, strictly: finite numbers, no key twice, and held against a JSON schema.
+# ---- JSON from a file, strictly: finite numbers, unique keys, and checked against a JSON schema.
 #
-# The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule.
+# The schema is the published file, so that a reader accepts exactly what the schema allows.
 
 
 def parse_json(path: str | os.PathLike[str]) -> Json:
-    """Return what a JSON file holds.
+    """Return the content of a JSON file.
 
     Raises
     ------
     ValueError
-        A file that is no JSON, a key that stands twice in one object, a number that is not finite or does not fit into
-        a float, brackets nested too deeply.
+        The file is no JSON, a key occurs twice in one object, a number is not finite or does not fit into a float, or
+        brackets are nested too deeply.
     FileNotFoundError
         No such file.
     """
@@ -552,7 +552,7 @@ def parse_json(path: str | os.PathLike[str]) -> Json:
         )
     except RecursionError:
         reason = "it is nested too deeply"
-    except ValueError as error:  # of json.JSONDecodeError too
+    except ValueError as error:  # also json.JSONDecodeError
         reason = str(error)
     raise ValueError(f"path must be a whole JSON file, got {path}: {reason[:160]}") from None
 
@@ -575,23 +575,23 @@ def _parse_whole(text: str) -> int:
 
 
 def _object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
-    """Return an object; two values by one key would be read one way here and another way there."""
+    """Return an object; refuse a repeated key, which programs read in different ways."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
         raise ValueError(
-            f"a key must stand once, got {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
+            f"a key must occur once, got {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
         )
     return found
 
 
 def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
-    """Return what a JSON file of one of these schemas holds; refuse any other file by its kind.
+    """Return the content of a JSON file with one of these schemas; refuse any other file by its kind.
 
     Raises
     ------
     ValueError
-        A file of another kind, or as for `parse_json`.
+        A file of another kind, or as in `parse_json`.
     FileNotFoundError
         No such file.
     """
@@ -601,7 +601,7 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
         raise ValueError(describe_wrong_file(path, stated_kind(path, suffix), *schemas))
     content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-    if isinstance(content, dict) and found in schemas:  # a tuple: any content of a damaged file may be looked for
+    if isinstance(content, dict) and found in schemas:  # a tuple, because `found` may not be hashable
         return content
     if isinstance(found, str) and found in FILE_KINDS:
         raise ValueError(describe_wrong_file(path, found, *schemas))
@@ -609,12 +609,12 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
 
 
 def require_schema(content: Json, path: str | os.PathLike[str], *, package: str, name: str) -> None:
-    """Refuse what a file holds where it is not what the schema of that name says, which lies in the package.
+    """Refuse the content of a file that violates the named schema of a package.
 
     Raises
     ------
     ValueError
-        The first place that is not as it must be.
+        The first place that violates the schema.
     """
     try:
         fault = _schema_fault(content, _schema_validator(package, name))
@@ -626,7 +626,7 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
 
 @lru_cache
 def _schema_validator(package: str, name: str) -> Validator:
-    """Return what holds content against a schema as it is published."""
+    """Return the validator of a published schema."""
     from jsonschema import Draft202012Validator
 
     schema = json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
@@ -634,7 +634,7 @@ def _schema_validator(package: str, name: str) -> Validator:
 
 
 def _schema_fault(content: Json, validator: Validator) -> str:
-    """Return in one line the first place in which parsed JSON is not what a schema says; "" where it is.
+    """Describe in one line the first place in which parsed JSON violates a schema; "" if it does not.
 
     >>> from jsonschema import Draft202012Validator
     >>> _schema_fault({"dt": -1}, Draft202012Validator({"properties": {"dt": {"minimum": 0}}}))

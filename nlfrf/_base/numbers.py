@@ -1,4 +1,4 @@
-"""Small least-squares problems in many windows at once."""
+"""Small least-squares problems in many windows at once, Fourier transforms of long signals, quantiles of roots."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from functools import lru_cache
 import numpy as np
 
 EPS = float(np.finfo(float).eps)
-TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
-SMALL_NORM = TINY**0.25  # the same where its square is
-_PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
+TINY = float(np.finfo(float).tiny)  # replaces a zero divisor
+SMALL_NORM = TINY**0.25  # the same for a divisor that is squared
+_PILE_RATIO = 4.0  # samples at an extreme over those at the next level: a rounded parabola has at most 2.4
 
 
 def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares x1 first + x2 second = b by Gram-Schmidt, and the residual; dependent vectors get zero.
+    """Solve x1 first + x2 second = b by least squares (Gram-Schmidt); return x and the residual.
 
-    `rows` (..., 3, n) holds b, first and second; x is (..., 2).
+    `rows` (..., 3, n) holds b, first and second; x is (..., 2), zero for dependent vectors.
     """
     first = rows[..., 1:2, :]
     along = np.vecdot(first, rows)
@@ -46,7 +46,7 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     last : (...) ndarray
         The last unknown: in the QR factors it needs no back substitution.
     residual : (..., n) ndarray
-        What is left, over the root of its n - p degrees of freedom.
+        Residual over the root of its n - p degrees of freedom.
     leverage : (...) ndarray
         Variance of the last unknown over that of b.
     """
@@ -55,45 +55,45 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     Q, R = np.linalg.qr(A / scale[..., None, :])
     diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     projected = (np.swapaxes(Q, -1, -2).conj() @ b[..., None])[..., 0]
-    projected = np.where(diagonal > 1e-13, projected, 0.0)  # a column that the others span says nothing
+    projected = np.where(diagonal > 1e-13, projected, 0.0)  # a column spanned by the others carries no information
     residual = b - (Q @ projected[..., None])[..., 0]
     pivot = np.where(diagonal[..., -1] > 1e-13, R[..., -1, -1] * scale[..., -1], np.inf)
     return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
 
 
 def squared_modulus(x: np.ndarray) -> np.ndarray:
-    """Squared modulus, without the root that `abs` takes."""
+    """Return the squared modulus, without the root of `abs`."""
     return np.asarray(x.real**2 + x.imag**2)
 
 
 def power(x: np.ndarray) -> np.ndarray:
-    """Sum of squared moduli over the last axis."""
+    """Return the sum of squared moduli over the last axis."""
     return np.asarray(np.vecdot(x, x).real)
 
 
 def mean_power(x: np.ndarray) -> np.ndarray:
-    """Mean squared modulus over the first axis, the realisations."""
+    """Return the mean squared modulus over the first axis, the realisations."""
     return np.asarray(np.add.reduce(squared_modulus(x), axis=0) / x.shape[0])
 
 
 def rms(x: np.ndarray) -> np.ndarray:
-    """Root mean square modulus over the first axis, the realisations."""
+    """Return the root mean square modulus over the first axis, the realisations."""
     return np.sqrt(mean_power(x))
 
 
-# ---- Work on long signals: a block at a time, by Fourier transforms that NumPy does not name.
+# ---- Work on long signals in blocks, by Fourier transforms that NumPy does not provide.
 #
-# Those of SciPy would take longer to import than all that they are used for.
+# The import of those of SciPy would take longer than their use.
 
-BLOCK_ENTRIES = 1 << 17  # numbers that are worked on together: they stay in the cache
-_LONG_SIGNAL = 1 << 17  # samples past which threads are worth the import
-_PART_SAMPLES = 1 << 16  # samples of a part: its transform stays in the cache
-_N_TOGETHER = 8  # parts that are read together: the samples of a line of the cache
-_FEW_PARTS = 8  # samples to a line and a part, from which a long transform is put together of parts
+BLOCK_ENTRIES = 1 << 17  # numbers in a block, which fits into the cache
+_LONG_SIGNAL = 1 << 17  # samples above which threads are worth their import
+_PART_SAMPLES = 1 << 16  # samples of a part, whose transform fits into the cache
+_N_TOGETHER = 8  # parts read at a time: the samples of a cache line
+_FEW_PARTS = 8  # samples per line and part, above which a long transform is composed of parts
 
 
 def iterate_blocks(n: int, size: int = 1) -> list[slice]:
-    """n entries of `size` numbers each, as many at a time as stay in the cache.
+    """Return slices of n entries with `size` numbers each, in blocks that fit into the cache.
 
     >>> iterate_blocks(5, BLOCK_ENTRIES // 2)
     [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
@@ -103,10 +103,10 @@ def iterate_blocks(n: int, size: int = 1) -> list[slice]:
 
 
 def clipped_share(x: np.ndarray) -> float:
-    """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
+    """Return the share of samples at the largest or smallest value, if they are there in runs because of clipping.
 
-    A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
-    level: smooth peaks are at most `_PILE_RATIO` times as long in the highest one.
+    A signal with few levels, as of integers, also has runs at its extremes, but no longer than at the next level:
+    smooth peaks have at most `_PILE_RATIO` times as many samples in the highest one.
 
     >>> x = np.sin(np.arange(1000) / 50)
     >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
@@ -117,7 +117,7 @@ def clipped_share(x: np.ndarray) -> float:
         some_in_a_row, flat_ones, following = False, 0, -np.inf
         for some in iterate_blocks(x.size):
             part = x[max(0, some.start - 2) : some.stop]
-            flat = part == extreme  # a row may begin in the block before
+            flat = part == extreme  # a run may begin in the block before
             some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
             flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
             following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
@@ -130,8 +130,8 @@ def clipped_share(x: np.ndarray) -> float:
 def all_finite(x: np.ndarray) -> bool:
     """Return whether every number of an array of any shape is finite.
 
-    A nan or an infinite number stays in a sum, which is one pass with nothing beside it; a sum may overflow where no
-    number of it does, so only a finite one is believed.
+    A nan or an infinite number stays in a sum, which takes one pass. A sum of finite numbers may overflow, so only a
+    finite sum decides.
     """
     if x.size > BLOCK_ENTRIES:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -141,25 +141,25 @@ def all_finite(x: np.ndarray) -> bool:
 
 
 def streams_equal(x: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two streams (n,) are the same, number by number; over at the first block that differs."""
+    """Return whether two streams (n,) are equal, number by number; stop at the first block that differs."""
     return all(np.array_equal(x[some], other[some]) for some in iterate_blocks(x.size))
 
 
 def has_equal_periods(x: np.ndarray) -> bool:
-    """Return whether the periods of x (M, P, N) are the same in each realisation, number by number."""
+    """Return whether the periods of x (M, P, N) are equal in each realisation, number by number."""
     if x[:, 0].size <= BLOCK_ENTRIES:
         return bool((x[:, 1:] == x[:, :1]).all())
     return all(streams_equal(one[0], period) for one in x for period in one[1:])
 
 
 def is_constant(x: np.ndarray) -> bool:
-    """Whether all numbers of a stream (n,), or of periods (P, N), are the same; over at the first block that varies."""
+    """Return whether all numbers of a stream (n,), or of periods (P, N), are equal; stop at the first other block."""
     rows = np.atleast_2d(x)
     return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in iterate_blocks(row.size))
 
 
 def smallest_step(x: np.ndarray) -> float:
-    """Return the smallest step between neighbouring samples: that of the encoder of a position; zero of a constant."""
+    """Return the smallest step between neighbouring samples, as of an encoder; zero for a constant."""
     x = np.asarray(x)
     steps = np.abs(np.diff(x.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(x)]
@@ -168,7 +168,7 @@ def smallest_step(x: np.ndarray) -> float:
 
 @lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
-    """Return the least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.
+    """Return the smallest 2^a 3^b 5^c that is at least n: a length for a fast FFT.
 
     >>> [fast_length(n) for n in (1, 7, 1000, 1025, 8193)]
     [1, 8, 1000, 1080, 8640]
@@ -179,7 +179,7 @@ def fast_length(n: int) -> int:
 
 
 def rfft(x: np.ndarray) -> np.ndarray:
-    """`numpy.fft.rfft` along the last axis; in several threads where it is long.
+    """Return `numpy.fft.rfft` along the last axis, in several threads for a long one.
 
     >>> bool(np.array_equal(rfft(np.ones((2, 8))), np.fft.rfft(np.ones((2, 8)))))
     True
@@ -192,11 +192,11 @@ def rfft(x: np.ndarray) -> np.ndarray:
 
 
 def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Return (..., K) `rfft` of x (..., n) at some lines; a long one is put together of short ones.
+    """Return (..., K) `rfft` of x (..., n) at some lines; a long one is composed of short ones.
 
     The samples a, a + A, a + 2 A, ... have a transform X_a of n / A lines, and X[k] is the sum over a of
-    X_a[k] exp(-2j pi k a / n), where X_a repeats itself beyond its lines (decimation in time; Cooley & Tukey, 1965).
-    Where few lines are wanted this is quicker than the whole transform, and takes no memory of its size.
+    X_a[k] exp(-2j pi k a / n), where X_a is periodic beyond its lines (decimation in time; Cooley & Tukey, 1965). For
+    few lines this is faster than the whole transform, and takes less memory.
 
     >>> x = np.sin(np.arange(1 << 18))
     >>> lines = np.array([0, 1, 70_000, 1 << 17])
@@ -225,7 +225,7 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _number_of_parts(n: int, n_lines: int) -> int:
-    """Into how many parts a transform of n samples is taken apart for so many lines; 1 where that does not pay."""
+    """Return the number of parts of a transform with n samples for `n_lines` lines; 1 if parts do not pay."""
     if n <= 2 * _LONG_SIGNAL:
         return 1
     least = -(-n // _PART_SAMPLES)
@@ -235,7 +235,7 @@ def _number_of_parts(n: int, n_lines: int) -> int:
 # ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over its own scatter.
 #
 # Z = C^-1/2 dG Gamma^-1/2, with C = S/L estimated from L complex degrees of freedom. The largest root t of
-# det(H - t (H + S)) = 0, H = Z's own square, has the law of the largest eigenvalue of a Jacobi ensemble:
+# det(H - t (H + S)) = 0, H the square of Z, has the law of the largest eigenvalue of a Jacobi ensemble:
 #
 #     P(sigma_max^2 <= x) = det [ integral_0^t p_i p_j w ],  i, j < s,  w = th^a (1 - th)^b,  t = x / (L + x)
 #
@@ -246,7 +246,7 @@ _N_NODES = 200
 
 
 def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
-    """P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance of `dof` complex degrees of freedom.
+    """Return P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance with `dof` complex degrees of freedom.
 
     >>> round(roy_probability(9.391049, 2, 2, 12.0), 6)
     0.95
@@ -265,7 +265,7 @@ def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
         b = dof - n_y
         t = x / (dof + x)
         theta = t * nodes
-        # of the Jacobi polynomials P_i^(b, a)(2 theta - 1) on [0, 1]
+        # norm of the Jacobi polynomials P_i^(b, a)(2 theta - 1) on [0, 1]
         log_norm = gammaln(i + a + 1) + gammaln(i + b + 1) - gammaln(i + 1) - gammaln(i + a + b + 1)
         log_norm = log_norm - np.log(2 * i + a + b + 1)
         half = (a * np.log(theta) + b * np.log1p(-theta) - log_norm) / 2
@@ -276,14 +276,14 @@ def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
 
 @lru_cache(maxsize=1)
 def _nodes_and_weights() -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre on [0, 1]."""
+    """Return Gauss-Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(_N_NODES)
     return (nodes + 1) / 2, weights / 2
 
 
 @lru_cache(maxsize=512)
 def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
-    """The squared singular value that is not exceeded with probability p; needs dof > n_y - 1, not a whole number.
+    """Return the p-quantile of the squared largest singular value; dof > n_y - 1 need not be a whole number.
 
     >>> round(roy_quantile(0.95, 1, 1, 6.0), 6)       # F(2, 12)
     3.885294

@@ -1,4 +1,4 @@
-"""A bar for whatever counts what it has done: on a terminal, or in a notebook."""
+"""A progress bar for any count of finished work, on a terminal or in a notebook."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-_MIN_INTERVAL = 0.1  # seconds between two looks
+_MIN_INTERVAL = 0.1  # [s] between two updates
 _ERASE_LINE = "\r\x1b[2K"
 
 
 def progress_bar(label: str = "") -> _ProgressBar:
-    """A bar to give as ``progress=`` to whatever takes that: in a notebook below the cell, else on standard error.
+    """Return a progress bar for an argument ``progress=``: in a notebook below the cell, else on standard error.
 
     Parameters
     ----------
     label : str
-        What is being done.
+        Name of the task.
 
     Returns
     -------
     callable
-        Takes how many are done, and of how many. Nothing is shown where nobody looks: standard error that is a file.
-        Its method `timed` is for `robust.tune`, which knows how much time it has left.
+        Takes the number done and the total. Nothing is shown if standard error is a file. Its method `timed` is for
+        `robust.tune`, which has a time limit.
 
     Raises
     ------
     ValueError
-        A label that is not text.
+        The label is no text.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def progress_bar(label: str = "") -> _ProgressBar:
 
 
 class _ProgressBar:
-    """A bar that is drawn anew at each call, without a thread: an interrupt leaves the terminal as it is."""
+    """A bar that each call draws anew, without a thread, so that an interrupt leaves the terminal intact."""
 
     def __init__(self, label: str) -> None:
         self.label = label
@@ -57,16 +57,16 @@ class _ProgressBar:
         self.bar: Progress | None = None
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how many are done, and of how many."""
+        """Show the number done and the total."""
         self.show(done, total, f"{done} of {total}")
 
     def timed(self, n_evaluated: int, best: float, left: float) -> None:
-        """Show a search with a limit of time: evaluations, the best value so far, and the seconds that are left."""
+        """Show a search with a time limit: evaluations, the best value so far, and the seconds left."""
         passed = time.monotonic() - self.begun
         self.show(passed, passed + left, f"{n_evaluated} evaluations, best {best:.4g}")
 
     def show(self, done: float, total: float, status: str) -> None:
-        """Draw the bar where somebody looks, not more often than is seen; at its end always."""
+        """Draw the bar on a terminal or in a notebook, at limited rate; always at its end."""
         now = time.monotonic()
         if done < total and now - self.last < _MIN_INTERVAL:
             return
@@ -97,9 +97,9 @@ class _ProgressBar:
 
 
 def rich_bar(console: Console, label: str, *, even: bool = True) -> Progress:
-    """Return a bar of rich with one task, to which `status` says what is done; it leaves nothing behind on its end.
+    """Return a bar of rich with one task, whose field `status` describes the work done; it vanishes at its end.
 
-    Of steps that are not even the time that is left is not known.
+    For uneven steps the time left is not shown.
     """
     from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -116,6 +116,6 @@ def rich_bar(console: Console, label: str, *, even: bool = True) -> Progress:
 
 
 def _in_notebook() -> bool:
-    """Return whether this runs in the kernel of a notebook, and not in a terminal."""
+    """Return whether the code runs in the kernel of a notebook, and not in a terminal."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return hasattr(shell, "kernel")

@@ -1,4 +1,4 @@
-"""Types that signatures of both packages say often, under one name each; as texts, so that nothing is loaded."""
+"""Common types of signatures in both packages; as texts, so that nothing is loaded."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-#: What stands at one place of parsed JSON. `json` says no more, as a file may hold anything there: ask by isinstance,
-#: or hold a schema against the whole before a part is taken for what the schema says.
+#: A node of parsed JSON. Its type is open, because a file may contain anything: check by isinstance, or validate the
+#: whole against a schema before you use a part.
 Json: TypeAlias = Any
 JsonObject: TypeAlias = dict[str, Json]
-#: Where random numbers come from: a generator, a seed of one, or None for one that nobody can repeat.
+#: Source of random numbers: a generator, its seed, or None for one that cannot be repeated.
 Seed: TypeAlias = "np.random.Generator | int | Sequence[int] | None"

@@ -25,9 +25,9 @@ _VELOCITIES = {f"{unit}/s": pair for unit, pair in POSITIONS.items()} | {
     **dict.fromkeys(("rpm", "1/min"), ("rad", 2 * np.pi / 60)),
     "mm/min": ("m", 1e-3 / 60),
 }
-#: What a velocity loop puts out, and the factor to A, N or Nm.
+#: Unit of the output of a velocity loop -> base unit and factor to A, N or Nm.
 OUTPUTS = {"A": ("A", 1.0), "mA": ("A", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3), "Nm": ("Nm", 1.0)}
-#: Kind of quantity -> its units and their factors; the first is that of the result.
+#: Kind of quantity -> its units and their factors; the first one is that of the result.
 _QUANTITIES = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
@@ -35,7 +35,7 @@ _QUANTITIES = {
     "current": {"A": 1.0, "mA": 1e-3},
     "output": {"A": 1.0, "mA": 1e-3, "N": 1.0, "kN": 1e3, "Nm": 1.0},
     "torque constant": {"N/A": 1.0, "Nm/A": 1.0},
-    # of an axis: linear, and rotary
+    # for an axis, linear and rotary
     "mass": {"kg": 1.0, "g": 1e-3},
     "inertia": {"kg m^2": 1.0, "kg cm^2": 1e-4},
     "linear force constant": {"N/A": 1.0},
@@ -51,12 +51,12 @@ _QUANTITIES = {
 
 
 def parse_gain_unit(unit: str) -> tuple[str, str, float]:
-    """Return (unit of the output, base unit of the position, factor to base units) of the gain of a velocity loop.
+    """Return (unit of the output, base unit of the position, factor to base units) for the gain of a velocity loop.
 
     >>> parse_gain_unit("Nm/(rad/s)"), parse_gain_unit("Nms/rad"), parse_gain_unit("A s/m")
     (('Nm', 'rad', 1.0), ('Nm', 'rad', 1.0), ('A', 'm', 1.0))
     >>> output, base, factor = parse_gain_unit("A/rpm")
-    >>> output, base, round(factor, 4)                     # of 1 A/rpm in A/(rad/s)
+    >>> output, base, round(factor, 4)                     # 1 A/rpm in A/(rad/s)
     ('A', 'rad', 9.5493)
     """
     found = re.fullmatch(
@@ -73,22 +73,22 @@ def parse_gain_unit(unit: str) -> tuple[str, str, float]:
 
 
 def position_factor(name: str, unit: str, base: str) -> float:
-    """Return how many base units a position unit is, or refuse a unit that is none of them."""
+    """Return the number of base units in a position unit; refuse a unit without a known factor."""
     kind, factor = POSITIONS.get(unit, ("", np.nan))
     if kind != base:
         raise ValueError(
-            f"{name} must be given where the position is measured in {unit} and the velocity loop counts in {base}/s: "
-            f"how many {base} one {unit} is, got none"
+            f"{name} must be given if the position is measured in {unit} and the velocity loop counts in {base}/s: "
+            f"the number of {base} in one {unit}, got none"
         )
     return factor
 
 
 def parse_quantity(name: str, kind: str, written: object) -> float:
-    """Return a number that is written with its unit, in the first unit of its kind.
+    """Return a number written with its unit, in the first unit of its kind.
 
     >>> parse_quantity("tn", "time", "10 ms"), parse_quantity("depth", "share", 0.1)
     (0.01, 0.1)
-    >>> parse_quantity("motor_inertia", "inertia", "2 kgm²")  # spaces, dots and stars between units do not count
+    >>> parse_quantity("motor_inertia", "inertia", "2 kgm²")  # spaces, dots and stars between units are ignored
     2.0
     """
     units = _QUANTITIES[kind]
@@ -105,7 +105,7 @@ def parse_quantity(name: str, kind: str, written: object) -> float:
 
 
 def split_quantity(written: object) -> tuple[float, str]:
-    """Return number and unit of a text, or refuse what has no number in front.
+    """Return number and unit of a text; refuse a text without a number in front.
 
     >>> split_quantity("143 A/(m/s)"), split_quantity("3.6m/min/mm")
     ((143.0, 'A/(m/s)'), (3.6, 'm/min/mm'))
@@ -119,12 +119,12 @@ def split_quantity(written: object) -> tuple[float, str]:
 
 
 def _join_unit(unit: str) -> str:
-    """Return a unit without what may stand between its parts: "kg m²" and "kg*m^2" are the same."""
+    """Return a unit without separators between its parts: "kg m²" and "kg*m^2" become equal."""
     return re.sub(r"[\s*·⋅]", "", unit).translate({ord("²"): "^2", ord("µ"): "u", ord("μ"): "u"})
 
 
 def units_differ(one: str, other: str) -> bool:
-    """Return whether two units are known and are not the same; of a ratio both parts have to be known.
+    """Return whether two units are known and differ; for a ratio both parts must be known.
 
     >>> units_differ("mm/A", "m/N"), units_differ("µm", "um"), units_differ("m/N", ""), units_differ("m/1", "mm/N")
     (True, False, False, False)

@@ -1,9 +1,9 @@
-"""``@value``: the one way this project makes a value type.
+"""``@value``: the only way in which this project makes a value type.
 
 A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written afterwards, so a
-value that was valid once stays valid. At a prompt it is one line; its `str()` fits 100 columns.
-It has no ``==``: comparing arrays for equality is rarely what was meant. Validation goes into ``__post_init__``, which
-runs after the arrays were frozen.
+value that was valid once stays valid. At a prompt it is one line; its `str()` fits 100 columns. It has no ``==``,
+because comparing arrays for equality is rarely meant. Validation goes into ``__post_init__``, which runs after the
+arrays are frozen.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 # ---- A value on one line for a prompt.
 
-_WIDTH, _FEW = 160, 6  # characters of a line, numbers that are shown
+_WIDTH, _FEW = 160, 6  # characters of a line; numbers that are shown
 
-#: Type of a field that takes any sequence and holds an array, or None in a value of a kind that has none: a dataclass
-#: can declare one of them only, and who reads the field knows the kind.
+#: Type of a field that takes any sequence and holds an array, or None if its kind of value has none. A dataclass can
+#: declare only one of these types, and the reader of the field knows the kind.
 ArrayField = Any
 
 
 def _repr_line(thing: DataclassInstance) -> str:
-    """Return a value as it stands at a prompt: its type and fields, arrays by their shape.
+    """Return the text of a value at a prompt: its type and fields, arrays by their shape.
 
     >>> from nlfrf._base.values import value
     >>> @value
@@ -50,7 +50,7 @@ def _repr_line(thing: DataclassInstance) -> str:
 
 
 def _short_repr(thing: object) -> str:
-    """Anything in a few characters."""
+    """Return a few characters for any object."""
     if isinstance(thing, np.ndarray):
         if thing.ndim <= 1 and thing.size <= _FEW and thing.dtype.kind in "fiub":
             return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
@@ -77,7 +77,7 @@ SCREEN_WIDTH = 100  # columns of everything that is printed
 
 
 def _wrap_lines(text: str) -> str:
-    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
+    """Wrap the lines of a text that are wider than a screen; continuation lines are indented by two more.
 
     A command to be copied ("run: ...") stays on its line.
 
@@ -110,8 +110,9 @@ def value(
     cls: type[T] | None = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
 ) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
-    ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds. Printed
-    text is broken at the width of the screen, but for one that stands in the sentences of messages (``in_sentences``).
+
+    ``copy=False`` is for values that are made inside this package only, from arrays without another owner. Printed text
+    is wrapped at the width of the screen, except for values used in sentences of messages (``in_sentences``).
 
     >>> @value
     ... class Tone:
@@ -132,7 +133,7 @@ def value(
 
 
 def _value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) -> type[T]:
-    """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
+    """Return the dataclass of `value`; arrays are frozen before the validation of the class, own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 
     def __post_init__(self: object) -> None:
@@ -161,9 +162,9 @@ def _value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool)
 
 
 def freeze_array(array: np.ndarray) -> np.ndarray:
-    """Return a read-only copy; the array itself where nobody else can write it.
+    """Return a read-only copy of an array; the array itself if nobody else can write it.
 
-    A view is its own where the array that it looks into is read-only too.
+    A view is returned itself if the array behind it is read-only, too.
     """
     owner = array if array.base is None else array.base
     if array.flags.writeable or not isinstance(owner, np.ndarray) or owner.flags.writeable:
@@ -173,19 +174,19 @@ def freeze_array(array: np.ndarray) -> np.ndarray:
 
 
 def field_names(thing: DataclassInstance | type[DataclassInstance]) -> tuple[str, ...]:
-    """Return the names of a value's fields, or of a value type's, in order."""
+    """Return the names of the fields of a value, or of a value type, in order."""
     return tuple(field.name for field in fields(thing))
 
 
-# ---- Any value of this project as JSON has it: fields, and properties that are a word or a number.
+# ---- Any value of this project as JSON: fields, and properties that are a word or a number.
 
 _SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
 def to_json(thing: object, most: float = np.inf) -> str:
-    """Return a value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
+    """Return a value, or a list of values, as JSON: complex numbers as [re, im], nonfinite ones as null.
 
-    Arrays of more than `most` numbers are left out, and their shape told.
+    Arrays of more than `most` numbers are replaced by their shape.
 
     >>> to_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
     '{"gamma": 1.5, "poles": [[-1.0, 2.0]], "delay": null}'
@@ -211,7 +212,7 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
 
 
 def _named_parts(thing: object) -> dict[str, object] | None:
-    """Return entries, fields with simple properties, or matrices by name; None of what has no named parts."""
+    """Return entries, fields with simple properties, or matrices by name; None without named parts."""
     if isinstance(thing, Mapping):
         return {str(key): held for key, held in thing.items()}
     if is_dataclass(thing):
@@ -221,14 +222,14 @@ def _named_parts(thing: object) -> dict[str, object] | None:
 
 
 def _plain_scalar(thing: str | complex | None) -> Json:
-    """Return a text, a truth or a number as JSON has it: complex ones as [re, im], what is not finite as null."""
+    """Return a text, a truth value or a number for JSON: complex ones as [re, im], nonfinite ones as null."""
     if isinstance(thing, complex):
         return [_plain_scalar(thing.real), _plain_scalar(thing.imag)]
     return None if isinstance(thing, float) and not np.isfinite(thing) else thing
 
 
 def _simple_properties(thing: object) -> dict[str, object]:
-    """Return the properties of a value that are said to be a word, a truth or a number, by name."""
+    """Return the properties of a value annotated as a word, a truth value or a number, by name."""
     found = {}
     for kind in reversed(type(thing).__mro__):
         for name, held in vars(kind).items():

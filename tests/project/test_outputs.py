@@ -195,7 +195,7 @@ def test_a_name_that_a_command_makes_up_takes_no_file(files, command, foreign):
     before = held(files)
     code, err = run(command)
     assert (code, held(files) == before) == (2, True), err
-    assert f"got {foreign}, which holds something else" in err
+    assert f"got {foreign}, which contains something else" in err
     Path(foreign).unlink()
 
 

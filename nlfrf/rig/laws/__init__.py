@@ -2,6 +2,6 @@
 
 curves       virgin curves: the force on the way out from rest
 hysteresis   the force along a path, with all its memory (Masing, Madelung)
-integration  from a law to the compiled code that steps it
+integration  integration of a law by its compiled code
 laws         Coulomb, Dahl, LuGre, Leuven, generalised Maxwell slip
 """

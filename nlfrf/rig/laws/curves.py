@@ -13,7 +13,7 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 
 @value(kw_only=False)
 class _YieldingCurve:
-    """A virgin curve of two numbers: its stiffness at the origin K0 [N/m] and its largest force Fy [N]."""
+    """A virgin curve with two parameters: stiffness at the origin K0 [N/m] and largest force Fy [N]."""
 
     K0: float
     Fy: float
@@ -25,7 +25,7 @@ class _YieldingCurve:
 
 @value(kw_only=False)
 class Linear:
-    """A spring that never yields, y = K0 z: no hysteresis of its own. With n = 1 it makes the Leuven model LuGre.
+    """A spring that never yields, y = K0 z, without hysteresis. With n = 1 the Leuven model is then LuGre.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Linear:
     Raises
     ------
     ValueError
-        A K0 that is not positive.
+        K0 is not positive.
 
     Examples
     --------
@@ -65,11 +65,11 @@ class Tanh(_YieldingCurve):
     Raises
     ------
     ValueError
-        A K0 or Fy of the tanh that is not positive.
+        K0 or Fy is not positive.
 
     References
     ----------
-    G. Masing 1926 (the rule that makes a loop of a virgin curve); the curve is ours, fitted to the paper's resonances.
+    G. Masing 1926 (rule for a loop from a virgin curve); the curve is our choice, fitted to the paper's resonances.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class Exponential(_YieldingCurve):
     Raises
     ------
     ValueError
-        A K0 or Fy of the exponential that is not positive.
+        K0 or Fy is not positive.
 
     References
     ----------
@@ -123,11 +123,11 @@ class Parabola(_YieldingCurve):
     Raises
     ------
     ValueError
-        A K0 or Fy of the parabola that is not positive.
+        K0 or Fy is not positive.
 
     References
     ----------
-    G. Masing 1926 (the rule that makes a loop of a virgin curve).
+    G. Masing 1926 (rule for a loop from a virgin curve).
 
     Examples
     --------
@@ -151,7 +151,7 @@ class ElasticPlastic(_YieldingCurve):
     Raises
     ------
     ValueError
-        A K0 or a largest force that is not positive.
+        K0 or Fy is not positive.
 
     References
     ----------
@@ -179,7 +179,7 @@ class Table:
     Raises
     ------
     ValueError
-        A curve that is not concave or not increasing.
+        The curve is not concave or not increasing.
 
     Examples
     --------
@@ -226,7 +226,7 @@ class Table:
 class MaxwellSlip:
     """Parallel elements, each a spring that slips when its force reaches its strength.
 
-    The same operator as a `Table` of its knots, with the forces of the elements as the memory.
+    It is the same operator as a `Table` of its knots, with the forces of the elements as memory.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ class MaxwellSlip:
     Raises
     ------
     ValueError
-        Stiffnesses and strengths that are not positive or not one for one.
+        Stiffnesses or strengths are not positive, or differ in number.
 
     References
     ----------

@@ -1,12 +1,11 @@
 """Hysteresis with non-local memory: virgin curves, and the force they give along a path.
 
-A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the force runs
-on the branch Fm + 2 y((z - zm) / 2) (Masing); an inner loop that closes is wiped out of the memory, and the
-force goes on along the older branch as if the inner loop had not been.
+A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the force follows the
+branch Fm + 2 y((z - zm) / 2) (Masing). An inner loop that closes is removed from the memory, and the force continues
+along the older branch as if the inner loop had not occurred.
 
-The memory is kept in one of two ways. A virgin curve keeps a stack of turning points. `MaxwellSlip` keeps
-the forces of parallel elements, each a spring that slips at its strength. For a piecewise-linear curve the two
-are the same operator.
+There are two kinds of memory. A virgin curve has a stack of turning points. `MaxwellSlip` has the forces of parallel
+elements, each a spring that slips at its strength. For a piecewise-linear curve the two are the same operator.
 """
 
 from __future__ import annotations
@@ -33,14 +32,14 @@ _CURVE_CODES: dict[type, int] = {
 
 
 def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
-    """Return the force along a path of displacements that starts at rest at z = 0, with all its memory.
+    """Return the force along a path of displacements from rest at z = 0, with all its memory.
 
     Parameters
     ----------
     curve : Linear, Tanh, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
         The virgin curve, or the elements.
     z : (n,) ndarray
-        Displacements [m]; between two of them the motion goes one way.
+        Displacements [m]; between two of them the motion has one direction.
 
     Returns
     -------
@@ -50,11 +49,11 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
     Raises
     ------
     ValueError
-        Displacements that are not one finite path.
+        The displacements are not one finite path.
 
     References
     ----------
-    G. Masing 1926; E. Madelung 1905 (wiping out).
+    G. Masing 1926; E. Madelung 1905 (wiping-out rule).
 
     Examples
     --------
@@ -76,14 +75,14 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
 
 
 def warn_of_forgotten_loops(lost: float) -> None:
-    """Warn where the memory of turning points was too short."""
+    """Warn if the memory of turning points was too short."""
     if lost:
         text = f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g} times"
         warnings.warn(f"{text}; the innermost loops were forgotten", DataWarning, stacklevel=3)
 
 
 def pack_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
-    """Return the numbers of a curve and its grid for compiled code."""
+    """Return the parameters of a curve and its grid for compiled code."""
     if type(curve) not in _CURVE_CODES:
         raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in _CURVE_CODES)}, got {curve!r}")
     grid = NO_GRID

@@ -1,4 +1,4 @@
-"""Integrate a body with friction over a force, by the compiled code of its friction law."""
+"""Integrate a body with friction under a force, with the compiled code of its friction law."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def integrate(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """Integrate over `drive` (n, 3), steps of h [s], with the kernel of the law.
+    """Integrate over `drive` (n, 3), with steps h [s] and the kernel of the law.
 
-    Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
-    None where the step was too long to be stable.
+    Returns (n / substeps, 4): position, velocity, z and friction force at the start of every `substeps`-th step; None
+    if the step was too long to be stable.
     """
     if isinstance(law, UserLawData):
         return _integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
@@ -54,7 +54,7 @@ def _integrate_user_law(
 
     kernel, _ = compile_user_law(law.derivative, law.force, law.rest.size)
     state, z = memory.state, memory.stack[0, : law.rest.size]
-    if not state[kernel_data.DEPTH]:  # it has never moved
+    if not state[kernel_data.DEPTH]:  # a machine at rest
         z[:] = law.rest
         state[kernel_data.DEPTH] = 1.0
     out, place, own = np.empty((drive.shape[0] // substeps, 4)), state[[kernel_data.X, kernel_data.V]], z.copy()

@@ -1,7 +1,7 @@
-"""Friction laws as plain values; `nlfrf.rig.Rig` puts them under a mass.
+"""Friction laws as plain values; `nlfrf.rig.Rig` puts one under a mass.
 
-All here are point symmetric (`VaryingSliders` need not be): a motion turned around gives the force turned around.
-s(v) is the Stribeck curve,
+All are point symmetric (`VaryingSliders` need not be): the reversed motion gives the reversed force. s(v) is the
+Stribeck curve,
 
     s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
 """
@@ -29,29 +29,30 @@ from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
 
 @value
 class OwnFriction:
-    """Friction by functions of your own: dz/dt = derivative(x, v, z), F = force(x, v, z), z = rest to begin with.
+    """Friction by your own functions: dz/dt = derivative(x, v, z), F = force(x, v, z), with z = rest at the start.
 
-    Both are compiled where numba can (plain numbers, arrays and loops of Python and NumPy); where it cannot they run as
-    they are, some hundred times slower. Steps are those of Runge and Kutta of order four, of fixed length: a law with
-    a jump (sgn v) needs short ones. `run`, `drive`, `simulate` and loops around one axis take it; proofs do not.
+    Use this for a law that is not built in. Both functions are compiled if numba can (plain numbers, arrays and loops
+    of Python and NumPy); otherwise they run uncompiled, some hundred times slower. Steps are fourth-order Runge-Kutta
+    with fixed length: a law with a jump (sgn v) needs short ones. `run`, `drive`, `simulate` and loops around one axis
+    take it; proofs do not.
 
     Fields
     ------
     derivative : callable
-        (x, v, z) -> (s,) array: how fast the state changes, at a position [m], a velocity [m/s] and a state.
+        (x, v, z) -> (s,) array: time derivative of the state, at a position [m], a velocity [m/s] and a state.
     force : callable
-        (x, v, z) -> float: the friction force [N], against the motion where positive with v.
+        (x, v, z) -> float: friction force [N], opposite to the motion if it has the sign of v.
     rest : (s,) ndarray
-        The state of a machine that has never moved; empty for a law without one.
+        State of a machine that has never moved; empty for a law without state.
     stiffness : float
-        dF/dx of the machine stuck [N/m]: how short a step has to be.
+        dF/dx of the stuck machine [N/m]; it decides the length of the steps.
     damping : float
-        dF/dv there [Ns/m].
+        dF/dv of the stuck machine [Ns/m].
 
     Raises
     ------
     ValueError
-        Functions that do not give a force and one derivative for each state, all finite, at rest.
+        At rest the functions do not return a force and one derivative per state, all finite.
 
     References
     ----------
@@ -90,7 +91,7 @@ class OwnFriction:
                 raise ValueError(f"{name} must be a function of (x, v, z), got {type(function).__name__}")
             try:
                 found = np.asarray(function(0.0, 0.0, rest.copy()), dtype=float)
-            except Exception as error:  # a function of the user's may raise anything
+            except Exception as error:  # a function of the user may raise anything
                 raise ValueError(
                     f"{name} must be a function of (x, v, z), got {type(error).__name__}: {error}"
                 ) from error
@@ -100,20 +101,20 @@ class OwnFriction:
 
     @property
     def compiled(self) -> bool:
-        """Whether numba compiled the functions."""
+        """Whether numba has compiled the functions."""
         from nlfrf.rig.kernels.loops import compile_user_law
 
         return compile_user_law(self.derivative, self.force, self.rest.size)[1]
 
 
 class UserLawData(kernel_data.Law):
-    """The numbers of a law whose state equation and force are user functions."""
+    """Parameters of a law whose state equation and force are user functions."""
 
     functions: OwnFriction
 
 
 def _pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
-    """Return the numbers of a law of user functions for the integration."""
+    """Return the parameters of a law of user functions for the integration."""
     spring = kernel_data.Curve(kernel_data.SPRING, float(law.stiffness), np.inf)
     numbers = UserLawData(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
     numbers.functions = law
@@ -122,39 +123,39 @@ def _pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
 
 @value
 class VaryingSliders:
-    """Maxwell slip whose sliders hold more or less, always between a force and its part.
+    """Maxwell slip with sliders of varying strength, between a force and a fraction of it.
 
-    Elements of a spring and a slider each; a slider of strength W holds, and slips at,
+    Each element has a spring and a slider. A slider with strength W holds, and slips at,
 
         W [1/stiction + (1 - 1/stiction) m],   0 <= m <= 1,
 
-    m the product of what is asked for: exp(-(v/vs)^2) while it slips, 1 - exp(-rest/dwell) when it has stuck for a
-    time, (1 + cos(2 pi x / wavelength)) / 2 along the way, 1 - asymmetry one way, and, where seeded, a number drawn
-    anew whenever it sticks. Every one of them lies in `robust.friction.any_maxwell_slip(sum of stiffness, stiction)`.
+    with m the product of these factors, if used: exp(-(v/vs)^2) in slip; 1 - exp(-rest/dwell) after a time of rest;
+    (1 + cos(2 pi x / wavelength)) / 2 along the path; 1 - asymmetry in negative direction; with a seed, a number drawn
+    anew whenever it sticks. Each such law lies in `robust.friction.any_maxwell_slip(sum of stiffness, stiction)`.
 
     Parameters
     ----------
     stiffness : (E,) ndarray
-        Of each element [N/m].
+        Stiffness of each element [N/m].
     strength : (E,) ndarray
         Largest force of each slider [N].
     stiction : float
         Largest over smallest force of a slider.
     vs : float
-        Velocity over which slipping gets easier [m/s]; infinite: it does not.
+        Velocity scale on which slip gets easier [m/s]; infinite: it does not.
     dwell : float
-        Time of rest over which holding gets harder [s]; zero: at once.
+        Time scale of rest on which a slider regains its strength [s]; zero: at once.
     wavelength : float
-        Of the way along which the strength varies [m]; infinite: it does not.
+        Wavelength of the strength along the path [m]; infinite: it does not vary.
     asymmetry : float
-        How much of m is missing in negative direction, 0 to 1.
+        Share of m that is missing in negative direction, 0 to 1.
     seed : int
-        Of the numbers drawn; zero for none.
+        Seed of the drawn numbers; zero for none.
 
     Raises
     ------
     ValueError
-        Elements whose numbers do not fit each other, stiction below one, numbers out of range.
+        The numbers of the elements do not fit each other, stiction is below one, or a number is out of range.
 
     References
     ----------
@@ -194,12 +195,12 @@ class VaryingSliders:
 
 
 def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
-    """Return the numbers and grid for compiled code: stiffness, strength, phase, four numbers that elements share."""
+    """Return parameters and grid for compiled code: stiffness, strength, phase, four parameters common to elements."""
     total, strength = float(np.sum(law.stiffness)), float(np.sum(law.strength))
     n = law.stiffness.size
     grid = np.zeros((7, n))
     grid[0], grid[1] = law.stiffness, law.strength
-    grid[2] = 2.399963 * np.arange(n)  # each at a phase of its own, the golden angle apart
+    grid[2] = 2.399963 * np.arange(n)  # phases at the golden angle from each other
     grid[3] = 0.0 if np.isinf(law.wavelength) else 2 * np.pi / law.wavelength
     grid[4], grid[5], grid[6] = law.dwell, law.asymmetry, law.seed
     vs = 1e300 if np.isinf(law.vs) else float(law.vs)
@@ -212,14 +213,14 @@ def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Gri
 def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: float) -> np.ndarray:
     """Return the force of each element along a prescribed motion, from rest at its first sample.
 
-    For a motion that repeats, give it twice: from the second period on the forces repeat too.
+    For a periodic motion give two periods: from the second one on the forces repeat, too.
 
     Parameters
     ----------
     sliders : VaryingSliders
         E elements.
     x, v : (n,) ndarray
-        Displacement [m] and velocity [m/s]; between two samples the motion goes one way.
+        Displacement [m] and velocity [m/s]; between two samples the motion has one direction.
     fs : float
         Sampling frequency [Hz].
 
@@ -231,7 +232,7 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
     Raises
     ------
     ValueError
-        Displacements and velocities that are not two finite arrays of the same length.
+        Displacements and velocities are not two finite arrays of equal length.
 
     References
     ----------
@@ -269,23 +270,23 @@ def load_forces(
     fs: float,
     slopes: bool = False,
 ) -> np.ndarray:
-    """Return the force with which a load with friction, on a spring and a damper, reacts on a motion that repeats.
+    """Return the force with which a load with friction, on a spring and a damper, reacts on a periodic motion.
 
-    The load starts from rest and the second period is returned. Where friction sticks few samples are enough: of 14 in
-    a cycle the force was off by 0.03 %. Where it slips the error falls with the square of the step.
+    The load starts from rest and the second period is returned. While friction sticks, few samples are enough: with 14
+    per cycle the force had an error of 0.03 %. In slip the error falls with the square of the step.
 
     Parameters
     ----------
     sliders : VaryingSliders
-        E elements of the load, of one strength all the way and both ways.
+        E elements of the load, with one strength at all positions and in both directions.
     x, v : (n,) ndarray
         One period of the motion at the other end of the spring: displacement [m] and velocity [m/s].
     mass, stiffness, damping, viscous : float
-        Of the load [kg], of spring [N/m] and damper [Ns/m] in front of it, and its viscous friction [Ns/m].
+        Load [kg], spring [N/m] and damper [Ns/m] in front of it, and its viscous friction [Ns/m].
     fs : float
         Sampling frequency [Hz].
     slopes : bool
-        Whether the derivatives follow, by the logarithms of mass, stiffness and damping, by `viscous`, by the
+        True: also return the derivatives, by the logarithms of mass, stiffness and damping, by `viscous`, by the
         logarithms of stiction - 1, vs, and of stiffness and break-away displacement of each element.
 
     Returns
@@ -296,8 +297,8 @@ def load_forces(
     Raises
     ------
     ValueError
-        Displacements and velocities that are not two finite arrays of the same length; numbers that are not positive;
-        sliders that depend on rest, place, direction or chance.
+        Displacements and velocities are not two finite arrays of equal length; numbers are not positive; sliders
+        depend on rest, position, direction or chance.
 
     References
     ----------
@@ -306,7 +307,7 @@ def load_forces(
 
     Examples
     --------
-    Below break-away an element is a spring to ground: of 1 N/m in series with one of 1 N/m.
+    Below break-away an element is a spring to ground: 1 N/m in series with 1 N/m.
 
     >>> sliders = VaryingSliders(stiffness=[1.0], strength=[10.0])
     >>> t = np.arange(1000) * 2 * np.pi / 1000
@@ -320,7 +321,7 @@ def load_forces(
     if x.size != v.size or not x.size:
         raise ValueError(f"x and v must have the same number of samples, at least one, got {x.size}, {v.size}")
     if sliders.dwell or sliders.asymmetry or sliders.seed or np.isfinite(sliders.wavelength):
-        raise ValueError("sliders must vary with their velocity alone, got a dwell, wavelength, asymmetry or seed")
+        raise ValueError("sliders must vary with velocity only, got a dwell, wavelength, asymmetry or seed")
     m, k, c = (require_positive(*one) for one in (("mass", mass), ("stiffness", stiffness), ("damping", damping)))
     elements = np.stack([sliders.stiffness, sliders.strength / sliders.stiffness])
     n, E, h = x.size, elements.shape[1], 1 / require_positive("fs", fs)
@@ -329,7 +330,7 @@ def load_forces(
     rates[0, 1], rates[1, :3], rates[2, 3] = 1.0, [-(k + elements[0].sum()) / m, -(c + viscous) / m, 1 / m], 1 / h
     ahead = expm(rates * h)[:2]
     step = np.column_stack([ahead[:, :2], ahead[:, 2] - ahead[:, 3], ahead[:, 3]])
-    # straight between samples, a force has less of every frequency
+    # linear interpolation between samples reduces the force at every frequency
     drive = np.fft.irfft(np.fft.rfft(k * x + c * v) / np.sinc(np.fft.rfftfreq(n)) ** 2, n)
     P = 6 + 2 * E if slopes else 0
     out = np.empty((1 + P, n))
@@ -339,18 +340,18 @@ def load_forces(
 
 @value
 class Coulomb:
-    """Dry friction: the mass sticks until the force passes Fs, and slides under the Stribeck curve until it stops.
+    """Dry friction: the mass sticks until the force passes Fs, and slides on the Stribeck curve until it stops.
 
-    F = s(v) + sigma2 v while sliding. No motion at all before it breaks away.
+    F = s(v) + sigma2 v in sliding. There is no motion before break-away.
 
     Parameters
     ----------
     Fc : float
         Coulomb friction [N].
     Fs : float, optional
-        Static friction [N]; Fc when not given.
+        Static friction [N]; by default Fc.
     vs : float, optional
-        Stribeck velocity [m/s]; needed where Fs exceeds Fc.
+        Stribeck velocity [m/s]; needed if Fs exceeds Fc.
     delta : float
         Shape of the Stribeck curve.
     sigma2 : float
@@ -359,7 +360,7 @@ class Coulomb:
     Raises
     ------
     ValueError
-        Numbers that are not positive, Fs below Fc, Fs above Fc without vs.
+        A number is not positive, Fs is below Fc, or Fs is above Fc without vs.
 
     References
     ----------
@@ -383,14 +384,14 @@ class Coulomb:
             object.__setattr__(self, "Fs", self.Fc)
         if not _is_given(self.vs):
             if require_positive("Fs", self.Fs) > self.Fc:
-                raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
+                raise ValueError(f"vs must be given if Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
             object.__setattr__(self, "vs", 1.0)
         _check_stribeck(self)
 
 
 @value
 class Dahl:
-    """Dahl's model: a force that yields gradually with the displacement, whatever the velocity.
+    """Dahl's model: a force that yields gradually with the displacement, at any velocity.
 
     dF/dx = sigma0 |1 - F/Fc sgn v|^n sgn(1 - F/Fc sgn v).
 
@@ -406,7 +407,7 @@ class Dahl:
     Raises
     ------
     ValueError
-        A sigma0, Fc or n that is not positive.
+        sigma0, Fc or n is not positive.
 
     References
     ----------
@@ -429,7 +430,7 @@ class Dahl:
 
 @value
 class LuGre:
-    """The LuGre model: bristles that bend, and slip at the Stribeck force.
+    """The LuGre model: bristles bend, and slip at the Stribeck force.
 
     F = sigma0 z + sigma1 dz/dt + sigma2 v,  dz/dt = v - sigma0 |v| / |s(v)| z.
 
@@ -449,7 +450,7 @@ class LuGre:
     Raises
     ------
     ValueError
-        A stiffness, force or velocity that is not positive, Fs below Fc.
+        A stiffness, force or velocity is not positive, or Fs is below Fc.
 
     References
     ----------
@@ -481,8 +482,8 @@ class Leuven:
 
     F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
 
-    with Fh the hysteresis force of `curve`. Without arguments: the friction of the paper, with n and the curve,
-    which it does not print, chosen so that its resonances come out.
+    with Fh the hysteresis force of `curve`. The default is the friction of the paper. The paper does not print n and
+    the curve; they are chosen to give its resonances.
 
     Parameters
     ----------
@@ -495,14 +496,14 @@ class Leuven:
     sigma1, sigma2 : float
         Micro-viscous damping, viscous friction [Ns/m].
     n : float
-        How suddenly presliding passes into sliding.
+        Exponent: a larger one gives a more sudden transition from presliding to sliding.
     curve : Tanh, Linear, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
-        Virgin curve of the hysteresis; `MaxwellSlip` for elements as the memory. It must reach Fs.
+        Virgin curve of the hysteresis; `MaxwellSlip` for elements as memory. It must reach Fs.
 
     Raises
     ------
     ValueError
-        Fs below Fc, a curve that does not reach Fs, numbers that are not positive.
+        Fs is below Fc, the curve does not reach Fs, or a number is not positive.
 
     References
     ----------
@@ -513,7 +514,7 @@ class Leuven:
 
     Examples
     --------
-    With n = 1 and a linear curve it is LuGre; as it stands it is the friction of the paper.
+    With n = 1 and a linear curve it is LuGre; the default is the friction of the paper.
 
     >>> Leuven().Fs, Leuven().Fc, Leuven().vs
     (1.0, 0.7, 0.01)
@@ -540,7 +541,7 @@ class Leuven:
 
 @value
 class GeneralizedMaxwellSlip:
-    """The generalised Maxwell-slip model: parallel elements that stick, and slip with a lag behind the Stribeck curve.
+    """The generalised Maxwell-slip model: parallel elements stick, or slip with a lag behind the Stribeck curve.
 
     An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the motion;
     then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F = sum F_i + sigma2 v.
@@ -552,7 +553,7 @@ class GeneralizedMaxwellSlip:
     alpha : (E,) ndarray
         Share of each element in s(v); they add up to one.
     C : float
-        How fast a slipping element is drawn to the Stribeck curve [N/s].
+        Attraction of a slipping element to the Stribeck curve [N/s].
     Fs, Fc : float
         Static and Coulomb friction [N].
     vs : float
@@ -565,7 +566,7 @@ class GeneralizedMaxwellSlip:
     Raises
     ------
     ValueError
-        Elements whose numbers do not fit each other.
+        The numbers of the elements do not fit each other.
 
     References
     ----------
@@ -599,7 +600,7 @@ class GeneralizedMaxwellSlip:
 
 
 def _is_given(number: float) -> bool:
-    """Return whether a parameter was given: its default is nan."""
+    """Return whether a parameter was given; its default is nan."""
     return not (isinstance(number, float) and np.isnan(number))
 
 
@@ -608,7 +609,7 @@ Friction = StribeckLaw | Dahl | VaryingSliders | OwnFriction
 
 
 def _check_stribeck(law: StribeckLaw) -> None:
-    """Refuse numbers that make no Stribeck curve."""
+    """Refuse parameters that give no Stribeck curve."""
     for name in ("Fc", "vs", "delta"):
         require_positive(name, getattr(law, name))
     require_nonnegative("sigma1", getattr(law, "sigma1", 0.0))
@@ -618,7 +619,7 @@ def _check_stribeck(law: StribeckLaw) -> None:
 
 
 def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
-    """Return the numbers of a law, and the grid of its curve or elements, for compiled code."""
+    """Return the parameters of a law, and the grid of its curve or elements, for compiled code."""
     match law:
         case Dahl():
             force = float(law.Fc)
@@ -644,7 +645,7 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
 
 
 def _pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
-    """Return the numbers of a law with a Stribeck curve for the kernel `form`; n: its own shape, C of a GMS model."""
+    """Return the parameters of a law with a Stribeck curve for the kernel `form`; n: exponent, or C of a GMS model."""
     return kernel_data.Law(
         form=form,
         Fs=float(law.Fs),

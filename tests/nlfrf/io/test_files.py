@@ -319,7 +319,7 @@ def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
 
     nlfrf.save(record, tmp_path / "r.h5")
     monkeypatch.setattr(own_process, "SECONDS", 0.01)
-    with pytest.raises(ValueError, match=r"its library did not come to an end within 0.01"):
+    with pytest.raises(ValueError, match=r"its library did not finish within 0.01"):
         nlfrf.load_record(tmp_path / "r.h5")
 
 

@@ -44,7 +44,7 @@ def test_three_megabytes_that_unpack_to_three_gigabytes_are_refused_unread(tmp_p
     assert path.stat().st_size < 4e6
     tracemalloc.start()
     with pytest.raises(
-        ValueError, match=r"'bomb\.npz': it unpacks to 3 GB, and a file of 0\.00\d+ GB may to 1\.1\d GB"
+        ValueError, match=r"'bomb\.npz': it unpacks to 3 GB, but a file of 0\.00\d+ GB may unpack to 1\.1\d GB"
     ):
         read_channels(path)
     peak = tracemalloc.get_traced_memory()[1]

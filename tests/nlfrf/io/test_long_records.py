@@ -160,7 +160,7 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
     monkeypatch.setattr(own_process, "UNPACKED", 1000)
     with (
         (tmp_path / "answer").open("rb") as stream,
-        pytest.raises(ValueError, match=r"it unpacks to .* may to 2e-06 GB"),
+        pytest.raises(ValueError, match=r"it unpacks to .* may unpack to 2e-06 GB"),
     ):
         own_process.receive(stream, 50)
 

@@ -164,7 +164,7 @@ def test_every_file_as_it_is_written_is_accepted(written, tmp_path):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ('{"schema": "robust-controller", "schema": "robust-model"}', "a key must stand once, got 'schema' twice"),
+        ('{"schema": "robust-controller", "schema": "robust-model"}', "a key must occur once, got 'schema' twice"),
         ('{"schema": NaN}', "a number must be finite, got NaN"),
         ('{"schema": 1e999}', "a number must be finite, got 1e999"),
         ('{"schema": -Infinity}', "a number must be finite, got -Infinity"),

@@ -217,7 +217,7 @@ def test_a_loop_of_two_encoders_is_checked():
         ({"encoder": "none"}, "encoder must be one of 'motor', 'load', 'both', got 'none'"),
         ({"observer_frequency": 0.0}, "observer_frequency must be positive, got 0"),
         ({"position_every": 0}, "position_every must be a whole number of at least 1, got 0"),
-        ({"position_unit": "counts"}, "unit_factor must be given where the position is measured in counts"),
+        ({"position_unit": "counts"}, "unit_factor must be given if the position is measured in counts"),
         ({"position_unit": "deg"}, "unit_factor must be given .* counts in m/s: how many m one deg is"),
         (
             {"filters": (LowPass(omega=HZ * 2500.0),)},

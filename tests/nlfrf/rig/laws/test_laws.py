@@ -144,7 +144,7 @@ def test_the_other_laws_refuse():
         LuGre(sigma0=0.0, sigma1=1.0, sigma2=1.0, Fc=1.0, Fs=1.0, vs=1.0)
     with pytest.raises(ValueError, match="Fc must be positive"):
         Dahl(sigma0=1.0, Fc=0.0)
-    with pytest.raises(ValueError, match=r"vs must be given where Fs = 1 N exceeds Fc = 0\.7 N, got none"):
+    with pytest.raises(ValueError, match=r"vs must be given if Fs = 1 N exceeds Fc = 0\.7 N, got none"):
         Coulomb(Fc=0.7, Fs=1.0)
     with pytest.raises(ValueError, match=r"Fs must be at least Fc = 0\.7 N, got 0\.5 N"):
         Coulomb(Fc=0.7, Fs=0.5, vs=1.0)

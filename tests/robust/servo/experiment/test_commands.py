@@ -146,7 +146,7 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
     assert run_step(*design.split())[0] == 0
     code, _, err = run_step(*design.split())
     assert code == 2
-    assert "got play.csv, which holds set points or a trace of the experiment in play.npz" in err
+    assert "got play.csv, which contains set points or a trace of the experiment in play.npz" in err
     assert "something else" not in err
     assert run_step(*f"{design} --overwrite".split())[0] == 0
 
