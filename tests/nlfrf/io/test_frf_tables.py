@@ -206,9 +206,7 @@ def test_names_are_parsed_whole(name, tmp_path):
 )
 def test_names_that_are_not_understood_are_refused_with_the_option(header, columns, why, tmp_path):
     path = write(tmp_path / "bode.csv", table(header, F, *columns))
-    with pytest.raises(
-        ValueError, match=rf"^columns must describe those of 'bode.csv': {why}.*; as in '(f|mag|G)="
-    ):
+    with pytest.raises(ValueError, match=rf"^columns must describe those of 'bode.csv': {why}.*; as in '(f|mag|G)="):
         nlfrf.io.load_frf(path, relative_std=0.02)
     assert "--columns COLUMNS" in nlfrf.inspect_file(path).command
 

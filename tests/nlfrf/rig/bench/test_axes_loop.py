@@ -123,7 +123,7 @@ def limited(K, options):
     [
         (pid(1.0, 0.0, dt=1 / FS), {}, "K must have 2 inputs and 2 outputs, got 1 and 1"),
         (control.ss([], [], [], np.ones((3, 2)), 1 / FS), {}, "K must have 2 inputs and 2 outputs, got 2 and 3"),
-        (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one per channel, got shape \(3,\)"),
+        (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one per channel, got shape"),
         (FULL, {"saturation": [1.0, -2.0]}, "saturation must be positive, got -2"),
         (FULL, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
         (FULL, {"noise": np.zeros(10)}, "noise must have 2 channels, like the rig, got 1"),
