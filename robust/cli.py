@@ -81,10 +81,12 @@ _OPTIONS = LOAD_OPTIONS | {
     "n_levels": "ramp",
     "n_periods": "periods",
     "n_realizations": "realizations",
+    "max_candidates": "candidates",
     "f_min": "f-min",
     "f_max": "f-max",
 }
 app.add_typer(servo_app, name="servo")
+_CONTROLLER_FILES = "written by 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
 _PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
 Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
@@ -305,7 +307,7 @@ def design(
 @app.command()
 def check(
     model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
-    controller: Annotated[list[Path], typer.Argument(help="Controllers written by 'robust design'.")],
+    controller: Annotated[list[Path], typer.Argument(help=f"Controllers: {_CONTROLLER_FILES}.")],
     delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[
@@ -360,7 +362,7 @@ def check(
                 signals=signals,
             )
         report = replace(report, peak=require_positive("peak", peak))
-        gains = pid.format_gains(K, plant.origin.unit)
+        gains = from_options.format_gains_of(path, K, plant.origin.unit)
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
         if text is not None:
@@ -382,7 +384,7 @@ def verify(
 ) -> None:
     """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
     plant = None if model is None else models.load_model(model)
-    K = None if controller is None else models.load_controller(controller)
+    K = None if controller is None else from_options.load_controller(controller)[0]
     with spinner("verifying"):
         found = robust.io.verify_certificate(file, model=plant, K=K, time_cap=seconds)
     printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
@@ -395,7 +397,7 @@ def prove(
         list[Path],
         typer.Argument(help="Model written by 'robust model', or BLAs or records at three levels or more."),
     ],
-    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     stiffness: Annotated[
         float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the levels otherwise.")
     ] = None,
@@ -487,7 +489,10 @@ def orders(
 @app.command()
 def export(
     file: Annotated[
-        Path, typer.Argument(help="Model, controller or certificate of 'robust check --proof lmi' (.json).")
+        Path,
+        typer.Argument(
+            help="Model, controller or certificate of 'robust check --proof lmi' (.json), or a PID (.toml)."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
@@ -496,7 +501,7 @@ def export(
         require_file_of(file, "robust-model", "robust-matrix-model", "robust-controller", "robust-mu-certificate")
         robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
-        sections = robust.io.controller_sections(models.load_controller(file))
+        sections = robust.io.controller_sections(from_options.load_controller(file)[0])
         if isinstance(sections, tuple):
             raise ValueError(
                 f"file must be a controller of one loop to be written as sections, got {len(sections)} in {file}"
@@ -508,9 +513,41 @@ def export(
 
 
 @app.command()
+def reduce(
+    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
+    out: Out,
+    order: Annotated[
+        int | None, typer.Option(help="This order and no other; when not given the lowest that keeps what was proved.")
+    ] = None,
+    delay: Delay = None,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    candidates: Annotated[int, typer.Option(help="Reduced controllers to look at.")] = 300,
+    json: Json = False,
+) -> None:
+    """Lower the order of a controller as far as the check proves what it proved before.
+
+    Exit code 0 where all of it is kept, also where no lower order keeps it and the controller is written as it was; 1
+    where --order loses some of it, with the controller written all the same.
+    """
+    json_path(out)
+    _require_demand(bandwidth, error)
+    plant = models.load_model(model)
+    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
+    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
+    with spinner("reducing"):
+        result = robust.reduce_controller(K, plant, w_P, order=order, delay=late, max_candidates=candidates)
+    robust.save(result.K, out, delay=late or None, unit=plant.origin.unit)
+    printer(json)(result)
+    finish_command(result, result.kept, json)
+
+
+@app.command()
 def report(
     model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
-    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Report to write (.html).")],
     bla: Annotated[
         list[Path] | None, typer.Option("--bla", help="BLA behind the model; may be repeated. Found from the record.")

@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -654,3 +655,12 @@ def _schema_fault(content: Json, validator: Validator) -> str:
     elif error.validator == "enum":
         wanted = "be one of " + ", ".join(map(json.dumps, error.validator_value))
     return f"{place} must {wanted}, got {short_form(error.instance)}"
+
+
+def parse_toml(path: str | os.PathLike[str], name: str, of: str = "") -> JsonObject:
+    """Return what a TOML file holds; a refusal names the parameter, and what the file is of."""
+    path = to_path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{name} must be a TOML file{of}, got {path.name!r}: {error}") from None

@@ -27,7 +27,9 @@ _VELOCITIES = {f"{unit}/s": pair for unit, pair in POSITIONS.items()} | {
 }
 #: Unit of the output of a velocity loop -> base unit and factor to A, N or Nm.
 OUTPUTS = {"A": ("A", 1.0), "mA": ("A", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3), "Nm": ("Nm", 1.0)}
-#: Kind of quantity -> its units and their factors; the first one is that of the result.
+#: Characters of units that stand for others.
+_PLAIN_LETTERS = {ord("²"): "^2", ord("µ"): "u", ord("μ"): "u"}
+#: Kind of quantity -> its units and their factors; the first is that of the result.
 _QUANTITIES = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
@@ -48,6 +50,16 @@ _QUANTITIES = {
     "angle": {unit: factor for unit, (base, factor) in POSITIONS.items() if base == "rad"},
     "share": {"": 1.0, "%": 0.01},
 }
+
+#: Symbol of a unit -> its base unit and the factor to it; a symbol that is not listed is a base unit of its own.
+_SYMBOLS = (
+    POSITIONS
+    | {unit: pair for unit, pair in OUTPUTS.items() if unit != "Nm"}
+    | {unit: ("s", factor) for unit, factor in _QUANTITIES["time"].items()}
+    | {"min": ("s", 60.0), "kg": ("kg", 1.0), "g": ("kg", 1e-3), "V": ("V", 1.0), "mV": ("V", 1e-3)}
+)
+#: Symbols without a sign between them, as in Nm, Ns or kgm, behind the first of them.
+_JOINED_SYMBOLS = re.compile(rf"({'|'.join(sorted(_SYMBOLS, key=len, reverse=True))})(mm|m|)(s|)")
 
 
 def parse_gain_unit(unit: str) -> tuple[str, str, float]:
@@ -120,7 +132,49 @@ def split_quantity(written: object) -> tuple[float, str]:
 
 def _join_unit(unit: str) -> str:
     """Return a unit without separators between its parts: "kg m²" and "kg*m^2" become equal."""
-    return re.sub(r"[\s*·⋅]", "", unit).translate({ord("²"): "^2", ord("µ"): "u", ord("μ"): "u"})
+    return re.sub(r"[\s*·⋅]", "", unit).translate(_PLAIN_LETTERS)
+
+
+def split_unit(unit: str) -> tuple[float, dict[str, int]]:
+    """Return the factor of a unit to base units, and the power of each of these.
+
+    A slash divides by the symbol or the bracket behind it alone: N/m s is N s/m.
+
+    >>> split_unit("N/(mm s)")
+    (1000.0, {'N': 1, 'm': -1, 's': -1})
+    >>> split_unit("Ns/m") == split_unit("N/m s"), split_unit("1/(m/N)") == split_unit("N/m")
+    (True, True)
+    """
+    factor, powers, outside, sign = 1.0, dict[str, int](), [1], 1
+    for token in re.findall(r"[()/]|[^()/\s*·⋅]+", unit.translate(_PLAIN_LETTERS)):
+        if token == ")":
+            outside = outside[:-1] or [1]
+        elif token == "/":
+            sign = -sign
+        else:
+            power, sign = sign * outside[-1], 1
+            if token == "(":
+                outside.append(power)
+            else:
+                name, _, exponent = token.partition("^")
+                joined = None if name in _SYMBOLS else _JOINED_SYMBOLS.fullmatch(name)
+                *symbols, last = [one for one in joined.groups() if one] if joined else [name]
+                raised = int(exponent) if re.fullmatch("-?[0-9]{1,2}", exponent) else 1
+                for symbol, times in [*((one, power) for one in symbols), (last, power * raised)]:
+                    base, size = _SYMBOLS.get(symbol, (symbol, 1.0))
+                    factor *= size**times
+                    powers[base] = powers.get(base, 0) + times
+    return factor, {base: power for base, power in powers.items() if power and base != "1"}
+
+
+def unit_factor(unit: str, base: str) -> float:
+    """Return how many of another unit one unit is; nan where they are of different kinds.
+
+    >>> unit_factor("N/mm", "N/m"), unit_factor("N/m", "N")
+    (1000.0, nan)
+    """
+    (one, powers), (other, wanted) = split_unit(unit), split_unit(base)
+    return one / other if powers == wanted else np.nan
 
 
 def units_differ(one: str, other: str) -> bool:
@@ -130,4 +184,4 @@ def units_differ(one: str, other: str) -> bool:
     (True, False, False, False)
     """
     known = all(unit and "1" not in unit.split("/") for unit in (one, other))
-    return known and _join_unit(one) != _join_unit(other)
+    return known and not np.isclose(unit_factor(one, other), 1.0)

@@ -76,12 +76,12 @@ def _short_repr(thing: object) -> str:
 SCREEN_WIDTH = 100  # columns of everything that is printed
 
 
-def _wrap_lines(text: str) -> str:
+def wrap_lines(text: str) -> str:
     """Wrap the lines of a text that are wider than a screen; continuation lines are indented by two more.
 
     A command to be copied ("run: ...") stays on its line.
 
-    >>> print(_wrap_lines("  limits: " + "a word and " * 10))
+    >>> print(wrap_lines("  limits: " + "a word and " * 10))
       limits: a word and a word and a word and a word and a word and a word and a word and a word and
         a word and a word and
     """
@@ -155,7 +155,7 @@ def _value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool)
 
         @wraps(describe)
         def __str__(self: object) -> str:
-            return _wrap_lines(describe(self))
+            return wrap_lines(describe(self))
 
         cls.__str__ = __str__  # type: ignore[method-assign]
     return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)

@@ -33,6 +33,7 @@ RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
 #: Module that reads and writes the JSON files of `robust`. It is not imported, because `robust` imports this package.
 _JSON_FILES = "robust.io.stored"
+_PID_FILES = "robust.synthesis.pid_file"
 
 
 def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
@@ -188,7 +189,8 @@ def load(path: str | os.PathLike[str]) -> Any:
     Parameters
     ----------
     path : path
-        A file of `save`; for a signal to play, the ``.npz`` of its design.
+        A file of `save`; for a signal to play, the ``.npz`` of its design; or a ``.toml`` with a PID and its notches,
+        as `robust check` takes it.
 
     Returns
     -------
@@ -210,8 +212,11 @@ def load(path: str | os.PathLike[str]) -> Any:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    if to_path(path).suffix.lower() == ".json":
+    suffix = to_path(path).suffix.lower()
+    if suffix == ".json":
         return import_module(_JSON_FILES).load_json(path)
+    if suffix == ".toml":
+        return import_module(_PID_FILES).load_pid(path).K
     return load_own(path)
 
 

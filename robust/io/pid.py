@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import inverse_unit, join_names, require_kind, require_positive
-from nlfrf._base.values import value
+from nlfrf._base.values import value, wrap_lines
 from robust._base.types import Controller
 from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
@@ -137,7 +137,9 @@ class PidGains:
             terms.append("d[k]")
         return [*rows, f"u[k] = {' + '.join(terms) or '0'}"]
 
-    def __str__(self) -> str:
+    @property
+    def forms(self) -> list[str]:
+        """Return the parallel form, the ideal form and the difference equation with units, a line each."""
         per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
         parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
         parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
@@ -156,7 +158,10 @@ class PidGains:
             rows.append("ideal: none, as Kp is zero")
         if self.dt:
             rows.append(f"once a sample, at {1 / self.dt:.6g} Hz, e = r - y: {'; '.join(self.difference_equation())}")
-        return "\n".join(rows)
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join(self.forms)
 
 
 def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidGains | tuple[PidGains, ...]:
@@ -224,10 +229,12 @@ def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
         loops = found if isinstance(found, tuple) else (found,)
-        return "".join(
-            f"\nPID{f' {k + 1}' * (len(loops) > 1)} {row}"
-            for k, gains in enumerate(loops)
-            for row in [*str(gains).splitlines(), *gains.plc_parameters() * plc]
+        return wrap_lines(
+            "".join(
+                f"\nPID{f' {k + 1}' * (len(loops) > 1)} {row}"
+                for k, gains in enumerate(loops)
+                for row in [*gains.forms, *gains.plc_parameters() * plc]
+            )
         )
     return ""
 

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import MissingArgumentError, repeat_warnings, require_nonnegative, require_positive
+from nlfrf._base.arguments import (
+    MissingArgumentError,
+    inverse_unit,
+    repeat_warnings,
+    require_nonnegative,
+    require_positive,
+)
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, require_file_of, write_text
 from nlfrf._base.units import units_differ
@@ -21,18 +27,22 @@ from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
-from robust.io.models import load_bla, load_controller, load_controller_context, load_model
+from robust.io.models import load_bla, load_controller_context, load_model
+from robust.io.models import load_controller as load_stored_controller
+from robust.io.pid import format_gains
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
 from robust.models.fit.search import UNLIKELY_COST
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.orders import describe_order, scan_orders
+from robust.synthesis.pid_file import load_pid
 
 if TYPE_CHECKING:
     import control
 
 _BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
+_WITHOUT_DELAY = (".mat", ".toml")  # files of controllers that may leave the computation delay open
 _MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]
 
@@ -132,6 +142,23 @@ def fit_nominal_model(
     return fit, left + (f"; {asked} {describe_order(best)}" if best.G.nstates != fit.G.nstates else "")
 
 
+def load_controller(path: Path) -> tuple[control.StateSpace, float | None, str]:
+    """Return a controller, its computation delay [s] and the unit of its plant; None, "" where the file has none."""
+    if path.suffix.lower() == ".toml":
+        settings = load_pid(path)
+        return settings.K, settings.delay, inverse_unit(settings.unit) if settings.unit else ""
+    return load_stored_controller(path), *load_controller_context(path)
+
+
+def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
+    """Format the gains of a controller that is a PID, with the filters behind one from a TOML file; else empty."""
+    if path.suffix.lower() != ".toml":
+        return format_gains(K, unit)
+    settings = load_pid(path)
+    filters = f"\nPID behind it: {', '.join(map(str, settings.filters))}" if settings.filters else ""
+    return format_gains(settings.pid.system(settings.dt), unit) + filters
+
+
 def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> list[tuple[control.StateSpace, float]]:
     """Return each controller with its computation delay [s]: as given, else what its file says it was designed for.
 
@@ -139,12 +166,20 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
     """
     loops = []
     for path in paths:
-        K, (stored, unit_of_plant) = load_controller(path), load_controller_context(path)
+        K, stored, unit_of_plant = load_controller(path)
+        is_typed = path.suffix.lower() == ".toml"
         if units_differ(unit, unit_of_plant):
             raise ValueError(
                 f"controller must be one for a plant in {unit}, as the model, got {path} for one in {unit_of_plant}"
+                + f": Kp must be in {inverse_unit(unit)}" * is_typed
             )
-        if path.suffix.lower() == ".mat" and K.dt and given is None:
+        if is_typed and unit and not unit_of_plant:
+            warnings.warn(
+                f"{path} gives Kp without a unit: {inverse_unit(unit)} is taken, as the model is in {unit}",
+                DesignWarning,
+                stacklevel=2,
+            )
+        if path.suffix.lower() in _WITHOUT_DELAY and K.dt and stored is None and given is None:
             warnings.warn(
                 f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
             )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_nonnegative
+from nlfrf._base.arguments import format_count, format_paragraph, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.channels import is_known_on_lines
 from robust._base.types import Controller, LinearSystem, Weight
@@ -51,6 +51,8 @@ class Reduction:
         Why it is not lower, or what was lost.
     n_tried : int
         Candidates looked at.
+    full_order : int
+        States of the controller that was given.
 
     References
     ----------
@@ -65,6 +67,10 @@ class Reduction:
     >>> found = reduce_controller(K, model)                # what is left is the integrator and its gain
     >>> found.order, found.kept, found.report.verdict
     (1, True, 'robust')
+    >>> print(found)
+    order 3 to 1, balanced, residualised: all that was proved is kept
+    before:      robust, max rs 0.37, |S| reaches 1.53 over the set
+    reduced:     robust, max rs 0.369, |S| reaches 1.52 over the set
     """
 
     K: control.StateSpace
@@ -75,6 +81,21 @@ class Reduction:
     before: RobustnessReport
     reason: str
     n_tried: int
+    full_order: int
+
+    def __str__(self) -> str:
+        if self.order == self.full_order:
+            return f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}): {self.reason}"
+        end = "all that was proved is kept" if self.kept else f"not all that was proved is kept: {self.reason}"
+        rows = [f"order {self.full_order} to {self.order}, {self.method}: {end}"]
+        for label, report in (("before", self.before), ("reduced", self.report)):
+            found = [report.headline]
+            if np.isfinite(report.margins.rs):
+                found.append(f"max {'rs' if report.is_single else 'mu'} {1 / report.margins.rs:.3g}")
+            if np.isfinite(report.margins.S_worst):
+                found.append(f"|S| reaches {report.margins.S_worst:.3g} over the set")
+            rows += format_paragraph(label, ", ".join(found))
+        return "\n".join(rows)
 
 
 def reduce_controller(
@@ -165,6 +186,7 @@ def reduce_controller(
                     before=_without_set(before) if alone else before,
                     reason=lost,
                     n_tried=n_tried,
+                    full_order=K.nstates,
                 )
     before = _without_set(before) if alone else before
     return Reduction(
@@ -176,6 +198,7 @@ def reduce_controller(
         before=before,
         reason=reason,
         n_tried=n_tried,
+        full_order=K.nstates,
     )
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 
 from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.drive_entries import read_drive_entries
-from nlfrf._base.files import to_path
-from nlfrf._base.types import JsonObject
+from nlfrf._base.files import parse_toml, to_path
 from nlfrf._base.units import parse_quantity
 from nlfrf.rig import Drive, ServoAxis
 
@@ -46,10 +44,7 @@ def load_axis(path: str | os.PathLike[str]) -> ServoAxis:
     (7.0, 0.03)
     """
     path = to_path(path)
-    try:
-        content: JsonObject = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"axis must be a TOML file, got {path.name!r}: {error}") from None
+    content = parse_toml(path, "axis")
     require_known(path.name, content, [one.name for one in fields(ServoAxis) if one.name not in _LAWS])
     if missing := [name for name in ("motor_inertia", "drive") if name not in content]:
         raise ValueError(f"{path.name} must have an entry {missing[0]}, got none")

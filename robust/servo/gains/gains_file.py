@@ -3,30 +3,15 @@
 from __future__ import annotations
 
 import os
-import tomllib
 import warnings
-from collections.abc import Mapping
 
-import numpy as np
-
-from nlfrf._base.arguments import require_positive, short_form
+from nlfrf._base.arguments import short_form
 from nlfrf._base.drive_entries import USUAL_KV, is_unusual_gain, read_drive_entries
+from nlfrf._base.files import parse_toml
 from nlfrf._base.types import Json
-from nlfrf._base.units import parse_quantity
 from nlfrf.rig import Drive
 from robust._base.warnings import DesignWarning
-from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch
-
-#: Filters of a drive: their frequency is typed under their name, the other numbers under these, with these defaults.
-_FILTERS: dict[str, dict[str, float]] = {
-    "notch": {"bandwidth": np.nan, "depth": 0.0},
-    "low_pass": {"zeta": LowPass.zeta},
-    "biquad": {"zeta": np.nan, "numerator_frequency": np.nan, "numerator_zeta": np.nan},
-}
-_FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
-    "numerator_frequency": "frequency",
-    "numerator_zeta": "share",
-}
+from robust.synthesis.pid_file import read_filters
 
 
 def load_gains(path: str | os.PathLike[str]) -> Drive:
@@ -75,17 +60,11 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
     filters: notch at 83 Hz
     force constant 52.8 N/A; current loop: lag 0.3 ms, delay 0.25 ms
     """
-    with open(path, "rb") as file:
-        try:
-            content = tomllib.load(file)
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"path must be a TOML file with the gains of a drive, got {path}: {error}") from None
+    content = parse_toml(path, "path", " with the gains of a drive")
     slots = content.pop("filters", [])
     found = read_drive_entries(str(path), content)
     _warn_of_unusual_gain(found["kv"], content["kv"])
-    if not isinstance(slots, list):
-        raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
-    return Drive(**found, filters=tuple(map(_read_slot, slots)))
+    return Drive(**found, filters=read_filters(slots))
 
 
 def _warn_of_unusual_gain(kv: float, written: Json) -> None:
@@ -98,25 +77,3 @@ def _warn_of_unusual_gain(kv: float, written: Json) -> None:
             DesignWarning,
             stacklevel=3,
         )
-
-
-def _read_slot(given: Json) -> Filter:
-    """One filter of the file."""
-    kinds = [kind for kind in _FILTERS if isinstance(given, Mapping) and kind in given]
-    if len(kinds) != 1:
-        raise ValueError(f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}")
-    kind = kinds[0]
-    if others := sorted(set(given) - {kind} - set(_FILTER_NUMBERS)):
-        raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(_FILTER_NUMBERS)} what {kind} takes")
-    typed = {name: parse_quantity(name, _FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
-    numbers = _FILTERS[kind] | typed
-    if set(numbers) != set(_FILTERS[kind]) or np.isnan(list(numbers.values())).any():
-        raise ValueError(f"filters must have the numbers that {kind} takes, got {', '.join(typed) or 'none'}")
-    f = require_positive(kind, parse_quantity(kind, "frequency", given[kind]))
-    omega = 2 * np.pi * f
-    if kind == "notch":
-        return Notch(omega=omega, width=numbers["bandwidth"] / f, depth=numbers["depth"])
-    if kind == "low_pass":
-        return LowPass(omega=omega, zeta=numbers["zeta"])
-    upper = 2 * np.pi * numbers.pop("numerator_frequency")
-    return Biquad(omega=omega, numerator_omega=upper, **numbers)
