@@ -215,10 +215,17 @@ def design(
     bandwidth: Annotated[
         float | None,
         typer.Option(
-            help="Crossover asked for (ncfsyn); bandwidth of S (mixsyn); |L| >= 1 there, so that the loop crosses over "
-            "there or above, however far (pid, where given) [Hz]."
+            help="Crossover asked for (ncfsyn; pid, where given); bandwidth of S (mixsyn) [Hz]. What the loop has of "
+            "it is printed beside it."
         ),
     ] = None,
+    crossover_within: Annotated[
+        float,
+        typer.Option(
+            help="Largest factor between the crossover asked for and that of the loop: a limit of the design (pid), a "
+            "warning (ncfsyn). inf: at --bandwidth or above, however far."
+        ),
+    ] = 2.0,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
     factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1 (ncfsyn).")] = 1.1,
@@ -251,6 +258,8 @@ def design(
     require_choice("--method", method, ("ncfsyn", "mixsyn", "pid"))
     _require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
+    if not crossover_within > 1:
+        raise ValueError(f"--crossover-within must be a factor above 1, got {crossover_within:g}")
     for option, given in (
         ("positive", positive_gains),
         ("filter-time", filter_time),
@@ -262,7 +271,7 @@ def design(
     result: robust.Design
     if method == "pid":
         plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
-        omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
+        omega_c = from_options.crossover_limits(plant, bandwidth, crossover_within)
         with spinner("designing"):
             result = robust.design_frf(
                 plant,
@@ -283,6 +292,9 @@ def design(
             plant, result = _synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
         words = (
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
+        )
+        words += from_options.describe_bandwidth(
+            plant, result.K, bandwidth, method, delay=delay, within=crossover_within
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)

@@ -11,7 +11,9 @@ import numpy as np
 from nlfrf._base.arguments import (
     HOLDS,
     channel_names,
+    format_count,
     keep_warnings,
+    one_line,
     require_choice,
     require_kind,
     require_positive,
@@ -134,6 +136,11 @@ class Record(Channels):
     >>> record = Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines)
     >>> record.n_realizations, record.n_periods, record.n_samples, record.f0
     (1, 1, 100, 1.0)
+    >>> print(replace(record, input_units=("N",)))
+    record of 1 realisation x 1 period x 100 samples at 100 Hz (1 s a period), hold unknown
+      6 lines excited from 1 to 19 Hz
+      input u: rms 1 N
+      output y: rms 2
 
     Two inputs and two outputs, in two experiments:
 
@@ -225,6 +232,22 @@ class Record(Channels):
     def f0(self) -> float:
         """Frequency resolution fs / N [Hz]."""
         return self.fs / self.n_samples
+
+    def __str__(self) -> str:
+        runs = format_count(self.n_experiments, "realisation" if self.is_single else "experiment")
+        f = self.lines.excited[[0, -1]] * self.f0
+        rows = [
+            f"record of {runs} x {format_count(self.n_periods, 'period')} x {self.n_samples} samples at {self.fs:g} Hz "
+            f"({self.n_samples / self.fs:g} s a period), hold {self.hold}",
+            f"{self.lines.excited.size} lines excited from {f[0]:g} to {f[1]:g} Hz",
+        ]
+        for what, names, units, signal in (
+            ("input", self.inputs, self.input_units, self.u),
+            ("output", self.outputs, self.output_units, self.y),
+        ):
+            for name, unit, one in zip(names, units, signal.reshape(len(names), -1), strict=True):
+                rows.append(f"{what} {one_line(name)}: rms {np.std(one):.4g} {one_line(unit)}".rstrip())
+        return "\n  ".join(rows)
 
 
 def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:

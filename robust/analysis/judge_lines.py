@@ -20,7 +20,7 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, response_by_channel, timebase
 from robust.lti.realisation import multivariable, repeat_over_channels, state_space
-from robust.lti.stability import unstable_poles, winding_number
+from robust.lti.stability import describe_unresolved, unstable_poles, winding_number
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_delay_factor, origin_of, parts_on_lines
 
@@ -176,7 +176,9 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
     nominal, nothing = _stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
-    reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False)
+    sizes = np.linalg.norm(L, 2, axis=(1, 2))
+    open_reason = describe_unresolved(omega, np.linalg.det(one + L), sizes)
+    reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False, unresolved=open_reason)
     margins, np_ = Margins(), nothing
     if nominal is Stability.STABLE:
         S = np.linalg.inv(one + L)
@@ -231,7 +233,7 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
     encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
-    nominal = _stability_on_lines(encirclements, clear, wanted)
+    nominal, L = _stability_on_lines(encirclements, clear, wanted), G * response(K, omega)
     has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
     margins = margins_on_lines(loop.curves) if stable else Margins()
@@ -243,7 +245,14 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
         margins=margins,
         proofs=proofs,
         form=loop.form,
-        reason=explain_lines(nominal, encirclements, wanted=wanted, peak=margins.largest_rs, has_set=has_set),
+        reason=explain_lines(
+            nominal,
+            encirclements,
+            wanted=wanted,
+            peak=margins.largest_rs,
+            has_set=has_set,
+            unresolved=describe_unresolved(omega, 1 + L, np.abs(L)),
+        ),
         advice=LINES_ADVICE,
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,

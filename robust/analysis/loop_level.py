@@ -19,6 +19,7 @@ from math import hypot
 
 import control
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from nlfrf import Bla
 from nlfrf._base.arguments import (
@@ -35,6 +36,7 @@ from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.analysis.performance import simulate_step
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import is_stable, replace_infinite
+from robust.lti.norms import continuous_image
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels
@@ -509,6 +511,34 @@ def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     if name != "disturbance":
         parts = parts * np.abs(replace_infinite(curves.K))
     return parts**2
+
+
+def encoder_noise(loop: Loop) -> float:
+    """Return the rms of u over the step of an encoder that rounds y, [unit of u over y]; nan of a continuous loop.
+
+    While y moves over many steps, rounding is white noise of the step over sqrt(12) (Widrow & Kollár, *Quantization
+    Noise*, 2008); u is K S times that. The Gramian of a sampled loop is that of its bilinear image.
+    """
+    if not loop.dt:
+        return float("nan")
+    system = loop.closed_loop(("u",), ("r",))
+    A, B, *_ = continuous_image(system)
+    X = solve_continuous_lyapunov(A, -B @ B.T) if len(A) else np.zeros((0, 0))
+    return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
+
+
+def describe_encoder_noise(gain: float, unit: str) -> str:
+    """Describe the rms of u over the step of an encoder; unit of the plant, y over u. Empty where it is not known.
+
+    >>> describe_encoder_noise(4.0e4, "m/N")
+    'rounding to steps moves u by 0.04 N rms for each um of a step, while y moves over many of them'
+    """
+    if not np.isfinite(gain):
+        return ""
+    top, _, bottom = unit.rpartition("/")
+    size, step = (1e-6, f"u{top}") if top in ("m", "rad") else (1.0, top if top not in ("", "1") else "unit of y")
+    rms = " ".join([f"{gain * size:.3g}", *bottom.split()]).removesuffix(" 1")
+    return f"rounding to steps moves u by {rms} rms for each {step} of a step, while y moves over many of them"
 
 
 def _loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:

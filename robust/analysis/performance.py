@@ -15,13 +15,22 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.values import value
-from robust._base.types import Controller, LinearSystem
+from robust._base.types import AnySystem, Controller, LinearSystem
 from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
-from robust.lti.lti import evaluate_transfer, is_constant, is_stable, response_by_channel, timebase, to_s_plane
-from robust.lti.realisation import multivariable
+from robust.lti.lti import (
+    evaluate_transfer,
+    is_constant,
+    is_stable,
+    response,
+    response_by_channel,
+    timebase,
+    to_s_plane,
+)
+from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import delayed, sampled
 
+_BETWEEN = 8  # frequencies from one of the grid of a system to the next
 _REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
 
@@ -92,15 +101,15 @@ class ClassicalMargins:
         return text + (f", bandwidth of S {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
 
 
-def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
-    """Return the margins of a loop gain that is known at frequencies dense enough to interpolate between.
+def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None) -> ClassicalMargins:
+    """Return the margins of a loop gain: of a system, or known at frequencies dense enough to interpolate between.
 
     Parameters
     ----------
-    omega : (W,) ndarray
-        Frequencies [rad/s], increasing.
-    L : (W,) complex ndarray
-        Loop gain there; points at which it is not finite are left out.
+    omega : (W,) ndarray, or control system
+        Frequencies [rad/s], increasing; or the loop gain L = G K itself, whose frequencies are chosen.
+    L : (W,) complex ndarray, optional
+        Loop gain at these frequencies; points at which it is not finite are left out.
 
     Returns
     -------
@@ -122,8 +131,11 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
     >>> seen = classical_margins(omega, 2 / (1j * omega * (1j * omega + 1)))
     >>> round(float(np.degrees(seen.phase_margin)), 1)                # 90 deg - atan(1.2496)
     38.7
+    >>> print(classical_margins(control.tf([2], [1, 1, 0])))
+    crossover 0.1989 Hz, phase margin 38.7 deg at 0.1989 Hz, no gain above this one makes it unstable,
+      bandwidth of S 0.1333 Hz
     """
-    omega, L = _check_loop_gain(omega, L)
+    omega, L = _loop_gain_of(omega) if L is None else _check_loop_gain(omega, L)
     known = np.isfinite(L) & (L != 0)
     x, L = np.log(omega[known]), L[known]
     if x.size < 2:
@@ -153,6 +165,19 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
         found["bandwidth"] = np.exp(reached[0])
     numbers = {name: float(number) for name, number in found.items()}
     return ClassicalMargins(crossovers=tuple(np.exp(crossovers).tolist()), **numbers)
+
+
+def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
+    """Return the response of a system of one loop, on frequencies dense around the poles of it and of its loop."""
+    if isinstance(L, control.FrequencyResponseData):
+        return _check_loop_gain(np.asarray(L.omega), np.squeeze(np.asarray(L.frdata)))
+    system = state_space("L", L)
+    dt, one = timebase(system), control.StateSpace([], [], [], [[1.0]], None)
+    closed = control.StateSpace(*closed_loop(system, one, ("e",), ("r",)), dt)
+    grid = np.log(np.union1d(structure_grid(system)[1:], structure_grid(closed)[1:]))
+    omega = np.exp(np.interp(np.arange(0, grid.size - 1 + 1e-9, 1 / _BETWEEN), np.arange(grid.size), grid))
+    omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9))) if dt else omega
+    return omega, response(system, omega)
 
 
 def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

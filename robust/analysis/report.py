@@ -9,7 +9,7 @@ from nlfrf._base.values import value
 from robust._base.states import Demand, Verdict
 from robust.analysis.disk import LoopMargins
 from robust.analysis.findings import Findings, Given
-from robust.analysis.loop_level import LoopLevel
+from robust.analysis.loop_level import LoopLevel, describe_encoder_noise
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.text import (
     CLAIM_HINT,
@@ -68,6 +68,9 @@ class RobustnessReport(Findings):
         Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
     level : LoopLevel or None
         At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
+    encoder_noise : float
+        Rms of u over the step of an encoder that rounds y [unit of u over y], of the nominal loop, while y moves over
+        many steps: the step over sqrt(12) through K S. nan where the loop is continuous or of several channels.
     peak : float
         Largest |S| over the set that is not warned of: that of the demand, 2 without one.
     confidence : tuple of str
@@ -103,6 +106,7 @@ class RobustnessReport(Findings):
     given: Given = Given()
     channels: LoopMargins | None = None
     level: LoopLevel | None = None
+    encoder_noise: float = float("nan")
     peak: float = USUAL_PEAK
     confidence: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -227,6 +231,7 @@ class RobustnessReport(Findings):
             rows += [("margins", self.channels.least())]
         if self.nominally_stable and self.is_single:
             rows += [("loop gain", str(self.classical))]
+        rows += [("encoder", describe_encoder_noise(self.encoder_noise, self.given.unit))]
         rows += [("level", "" if self.level is None else str(self.level))]
         rows += [("next", self.next_step), ("loop", self.context)]
         return "\n".join([*self.findings(), *(line for row in rows for line in format_paragraph(*row))])

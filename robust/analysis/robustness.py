@@ -34,7 +34,7 @@ from robust.analysis.judge_lines import (
 )
 from robust.analysis.judge_mu import judge_mu, judge_system
 from robust.analysis.loop import Loop, assemble_loop
-from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
+from robust.analysis.loop_level import LoopSignals, encoder_noise, predict_level, require_one_channel_loop
 from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.report import RobustnessReport
 from robust.analysis.text import USUAL_PEAK, describe_confidence
@@ -128,15 +128,17 @@ def check(
         require_one_channel_loop(model)
     loop = _assemble(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     found = _judge(loop, Effort(certify=certify, proof=proof, solver=solver))
-    level = None
-    if signals is not None and isinstance(loop, Loop) and found.nominally_stable:
-        level = predict_level(loop.model, loop.controller, signals, delay=delay)
+    level, noise = None, float("nan")
+    if isinstance(loop, Loop) and found.nominally_stable:
+        level = None if signals is None else predict_level(loop.model, loop.controller, signals, delay=delay)
+        noise = encoder_noise(loop)
     return RobustnessReport(
         **vars(found),
         given=loop.given,
         channels=loop.channels if isinstance(loop, LoopOfChannels | MatrixLoopOnLines) else None,
         level=level,
         peak=_allowed_peak(loop.given.demand),
+        encoder_noise=noise,
         confidence=describe_confidence(model),
     )
 

@@ -311,13 +311,13 @@ LINES_PROVED = "Nothing; computed on the measured lines only."
 LINES_NOT_PROVED = "Anything between and outside the measured lines."
 
 
-def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool) -> str:
+def explain_lines(
+    nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool, unresolved: str
+) -> str:
     """Return the reason of the verdict on a plant known on its lines only; peak is the largest rs."""
     lines_only = "holds on the measured lines only"
     if nominal is Stability.UNDECIDED:
-        return (
-            "the lines are too far apart, or end too early or begin too late, to count how often 1 + L winds about zero"
-        )
+        return unresolved
     if nominal is Stability.UNSTABLE:
         return f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
     if has_set and peak >= 1:

@@ -8,6 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import eig
 
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust.lti.grids import controller_mode_lines, interpolate_frf
@@ -160,6 +161,8 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
 
 # ---- The winding number of 1 + L about zero, counted on the lines of an FRF.
 
+#: Begin of a message, after "the lines", about lines that do not resolve a loop.
+LEFT_OPEN = "leave open how often 1 + L winds about zero"
 #: Largest phase step of a plant from line to line where |L| is above the second number.
 LARGEST_JUMP, _SMALL_LOOP = 2 * np.pi / 3, 0.01
 
@@ -210,6 +213,30 @@ def windings(
         turns.append(round(float(found)))
         trusted &= bool(clear and _is_resolved(F, np.log(at)))
     return tuple(turns), bool(trusted)
+
+
+def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who: str = "") -> str:
+    """Describe lines that do not resolve the turns of F = 1 + L or det(I + L), (W,), and the options that help.
+
+    size : (W,) |L|, or its largest singular value.
+
+    >>> print(describe_unresolved(np.array([6.3, 12.6]), np.array([2.0, -2.0 + 2j]), np.array([1.0, 3.6])))
+    ... # doctest: +NORMALIZE_WHITESPACE
+    the lines leave open how often 1 + L winds about zero: it turns by 135 deg between 1.003 Hz and 2.005 Hz, and |L| is
+    1 on the first line, 1.003 Hz, and 3.6 on the last, 2.005 Hz. Closer lines decide it (a longer --period), or lower
+    or higher ones (--f-min, --f-max), or a nominal model (robust model)
+    """
+    turn = np.abs(np.angle(F[1:] / F[:-1]))
+    k = int(np.argmax(turn)) if turn.size else 0
+    between = " and ".join(map(format_hertz, omega[k : k + 2]))
+    most = f"it turns by {np.degrees(turn[k]):.0f} deg between {between}, and " if turn.size else ""
+    first, last = (
+        f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}" for i, word in ((0, "first line"), (-1, "last"))
+    )
+    return (
+        f"the lines{who} {LEFT_OPEN}: {most}|L| is {first}, and {last}. Closer lines decide it (a longer --period), or "
+        "lower or higher ones (--f-min, --f-max), or a nominal model (robust model)"
+    )
 
 
 def _passes_clear_of_minus_one(L: np.ndarray) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_positive
+from nlfrf._base.arguments import format_count, format_hertz, require_integer, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem
 from robust.lti.realisation import multivariable
@@ -48,6 +48,9 @@ class ParameterMargin:
     >>> found = parameter_margin(lag, [(1, 1, "real")])
     >>> round(found.broken, 3), bool(4.75 < found.proved < 5)
     (5.0, True)
+    >>> print(found)
+    stable up to 4.985 times the blocks, proved on 1 part; 5 times (+1) puts a pole on the boundary at 0
+      Hz
     """
 
     proved: float
@@ -58,6 +61,15 @@ class ParameterMargin:
     certificates: tuple[Certificate, ...]
     met: bool
     reason: str
+
+    def __str__(self) -> str:
+        proved = f"stable up to {self.proved:.4g} times the blocks, proved on {format_count(len(self.boxes), 'part')}"
+        if np.isfinite(self.broken):
+            worst = ", ".join("complex" if np.isnan(one) else f"{one:+.3g}" for one in self.worst)
+            broken = f"{self.broken:.4g} times ({worst}) puts a pole on the boundary at {format_hertz(self.omega)}"
+        else:
+            broken = "nothing was found that breaks it"
+        return f"{proved}; {broken}{f'. {self.reason}' * bool(self.reason)}"
 
 
 def parameter_margin(

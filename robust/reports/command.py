@@ -26,6 +26,7 @@ from robust._base.warnings import DesignWarning
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
+from robust.analysis.robustness import check
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import load_bla, load_controller_context, load_model
 from robust.io.models import load_controller as load_stored_controller
@@ -225,6 +226,45 @@ def demand_weight(
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
     return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
+
+
+def crossover_limits(
+    plant: nlfrf.Bla | UncertaintyModel, bandwidth: float | None, within: float
+) -> float | tuple[float, float] | None:
+    """Return the crossover [rad/s] for a bandwidth [Hz]: at least that, at most `within` times it on the lines."""
+    if bandwidth is None:
+        return None
+    least, most = 2 * np.pi * bandwidth, 2 * np.pi * bandwidth * within
+    return (least, most) if most <= plant.omega[-1] else least
+
+
+def describe_bandwidth(
+    model: UncertaintyModel,
+    K: control.StateSpace,
+    asked: float | None,
+    method: str,
+    *,
+    delay: float,
+    within: float,
+) -> str:
+    """Return the crossover or the bandwidth of S [Hz] of a nominal loop beside the one asked for; empty of several loops.
+
+    A crossover that is further off than the factor `within` is warned of.
+    """
+    if not model.is_single or asked is None:
+        return ""
+    seen = check(model, K, delay=delay, certify=False).classical
+    name, omega = ("bandwidth of S", seen.bandwidth) if method == "mixsyn" else ("crossover", seen.crossover)
+    got = omega / (2 * np.pi)
+    text = f"{name} asked {asked:.4g} Hz, got {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}"
+    if method != "mixsyn" and not asked / within <= got <= asked * within:
+        warnings.warn(
+            f"{text}: further off than a factor {within:g} (--crossover-within). The plant does not let the loop have this "
+            "shape; ask for another bandwidth",
+            DesignWarning,
+            stacklevel=2,
+        )
+    return f"; {text}"
 
 
 def signals_from_options(

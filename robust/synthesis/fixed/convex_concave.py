@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.stability import unstable_poles
+from robust.lti.stability import LEFT_OPEN, unstable_poles
 from robust.synthesis.fixed.cone_program import Demand, Rows, Step, solve_step
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
@@ -256,7 +256,7 @@ def _improve_start(
             why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
             break
         if slow >= 2:
-            if "too far apart" in obstacle:
+            if LEFT_OPEN in obstacle:
                 why = f"ended early: for a better one {obstacle}"
             break
     else:

@@ -122,8 +122,12 @@ def limit_rows(
     M_u: Bound | None,
     omega_c: float | tuple[float, float] | None,
     gain: tuple[float, float] | None,
+    resonates: bool,
 ) -> list[Demand]:
-    """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
+    """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them.
+
+    resonates : |L| of a controller with a given resonance may be above one there, beyond its crossover.
+    """
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
         direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
@@ -143,10 +147,10 @@ def limit_rows(
         least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
         rows.append(_gain_row(at, "omega_c", least, 1.0))
         if highest is not None:
-            where = _nearest_lines(at, "omega_c", highest)
-            rows.append(
-                demand_row(f"|L| <= 1 at {format_hertz(highest)}", at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where)
-            )
+            where, name = _nearest_lines(at, "omega_c", highest), f"|L| <= 1 at {format_hertz(highest)}"
+            if not resonates:
+                where, name = np.union1d(where, np.flatnonzero(at.known & (at.omega >= highest))), f"{name} and above"
+            rows.append(demand_row(name, at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where))
     if gain is not None:
         rows.append(_gain_row(at, "gain", *gain))
     return rows

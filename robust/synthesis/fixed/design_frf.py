@@ -71,7 +71,8 @@ def design_frf(
     M_S, M_T, M_u : float or control system, optional
         Largest |S|, |T|, |K S| allowed, a number or a magnitude over frequency.
     omega_c : float or (low, high), optional
-        Crossover at least there [rad/s]; with two numbers, at most at the second.
+        Crossover at least there [rad/s]; with two numbers, at most at the second: |L| <= 1 from there on, or there
+        alone where the structure has a resonance. With one number the loop may cross over far above it.
     gain : (omega, least), optional
         |L| at least so large at a frequency [rad/s]: tracking and disturbance rejection.
     aim : str

@@ -91,6 +91,7 @@ def design_loop(
     n_iterations = require_integer("n_iterations", options["n_iterations"], least=0)
     integrators = require_integer("integrators", options["integrators"], least=0)
     shape = structure_of(structure, integrators, options["filter_time"])
+    options = {**options, "resonates": not shape.free and bool(np.iscomplex(shape.poles).any())}
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
@@ -145,6 +146,7 @@ def design_loop(
         each = [follow(task, [one]) for one in starts]
         theta, history, why = _best_proved(task, each, prove=options["prove"], delay=delay)
     found = _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+    found = replace(found, omega_c=tuple(map(float, _per_demand_list("omega_c", options["omega_c"]))))
     return _with_lines_named(found, family, aim=aim, options=options) if found.met else found
 
 
@@ -307,6 +309,7 @@ def _split_demands(
         M_u=options["M_u"],
         omega_c=options["omega_c"],
         gain=options["gain"],
+        resonates=options["resonates"],
     )
     if aim == "gain":
         rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)

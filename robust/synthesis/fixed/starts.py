@@ -17,7 +17,13 @@ from robust.analysis.loop import Loop, decide_nominal_stability
 from robust.lti.connections import closed_loop
 from robust.lti.lti import require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, windings
+from robust.lti.stability import (
+    count_half_turns,
+    describe_unresolved,
+    integrator_poles,
+    unstable_poles,
+    windings,
+)
 from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
@@ -85,11 +91,9 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
         dt = timebase(K)
         turns, clear = windings(*at.measured, K=K, dt=dt, readings=at.readings)
         if not clear:
-            return (
-                Stability.UNDECIDED,
-                f"the lines{who} are too far apart, or end too early or begin too late, to count how often 1 + L "
-                "winds about zero",
-            )
+            omega, G = at.measured
+            L = G * response(K, omega)
+            return Stability.UNDECIDED, describe_unresolved(omega, 1 + L, np.abs(L), who)
         if wrong := [found for found in turns if found != n_unstable + unstable_poles(K, dt)]:
             return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {wrong[0]} times about zero"
     return Stability.STABLE, ""

@@ -57,6 +57,8 @@ class Design(Unpacked):
         perturbations (p_out, p_in) of the shaped plant to its (u, y). None of a design on the lines of an FRF.
     crossovers : tuple of float
         Where |L| = 1 of the nominal [rad/s], of every plant of a family; of `design_frf` for a single loop.
+    omega_c : tuple of float
+        Crossover that `design_frf` was asked for [rad/s]: at least the first, at most the second; empty without.
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan where they were not computed.
     stability : Stability or None
@@ -86,6 +88,7 @@ class Design(Unpacked):
     met: bool = True
     reason: str = ""
     crossovers: tuple[float, ...] = ()
+    omega_c: tuple[float, ...] = ()
     peak_S: float = float("nan")
     peak_T: float = float("nan")
     stability: Stability | None = None
@@ -115,7 +118,10 @@ class Design(Unpacked):
             return ""
         at = [format_hertz(omega) for omega in self.crossovers]
         most = f"{at[0]} to {at[-1]} ({len(at)} of them)" if len(at) > 4 else ", ".join(at)
-        text = f"crossover{'s' * (len(at) > 1)} {most or 'nowhere on the lines'}"
+        asked = " to ".join(map(format_hertz, self.omega_c)) + " or above" * (len(self.omega_c) == 1)
+        text = (
+            f"crossover{'s' * (len(at) > 1)} {most or 'nowhere on the lines'}{f', asked {asked}' * bool(self.omega_c)}"
+        )
         return f"{text}; nominal max |S| {self.peak_S:.3g}, max |T| {self.peak_T:.3g}"
 
     @property

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from pathlib import Path
 
 import control
 import numpy as np
@@ -138,6 +139,17 @@ def test_units_are_products_of_powers():
         split_unit(unit)
     assert not units_differ("rad/Nm", "rad/(N m)")
     assert units_differ("mm/N", "m/N")
+
+
+def test_the_file_of_the_page_is_the_controller_of_its_script(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "howto" / "check_pid.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "pid.toml").write_text(text)
+    found = load_pid(tmp_path / "pid.toml")
+    K = robust.shaping.pid(20e3, 300e3, 60.0, filter_time=1e-3, dt=1e-3)
+    K = K * robust.shaping.notch(2 * np.pi * 58.5, depth=0.3, width=20.0 / 58.5, dt=1e-3)
+    assert np.allclose(found.K(Z), K(Z), rtol=1e-9)
+    assert found.delay == pytest.approx(5e-4)
 
 
 @pytest.fixture

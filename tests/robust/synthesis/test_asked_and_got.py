@@ -1,0 +1,103 @@
+"""Crossover asked for and got, in the design and on the command line; and the noise that an encoder makes in u."""
+
+import re
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from robust import UncertaintyModel, check, cli, design_frf, load, save
+from robust.models.sets.records import Origin
+from tests.support.printed import unwrapped
+
+HZ = 2 * np.pi
+MODE = control.tf([(HZ * 40) ** 2], [1, 0.04 * HZ * 40, (HZ * 40) ** 2]) * control.tf([1], [0.05, 1])
+
+
+@pytest.mark.parametrize("structure", ["PI", "PID"])
+def test_a_crossover_is_limited_on_every_line_above(structure):
+    """Of a mode above it |L| would come back over one, as it did while one line alone was limited."""
+    most = HZ * 8
+    design = design_frf(MODE, structure, M_S=2.0, omega_c=(HZ * 1, most), dt=1e-3)
+    omega = np.linspace(most, 0.999e3 * np.pi, 20_000)
+    L = robust.sampled(MODE, 1e-3)(np.exp(1e-3j * omega)) * design.K(np.exp(1e-3j * omega))
+    assert np.abs(L).max() <= 1 + 2e-3
+    assert HZ * 1 * 0.98 <= design.crossovers[-1] <= most * 1.02
+    assert "asked 1 Hz to 8 Hz; nominal" in str(design).replace("\n    ", " ")
+
+
+def test_one_number_is_a_least_crossover():
+    design = design_frf(control.tf([1], [0.05, 1]), "PI", M_S=1.5, omega_c=HZ * 2, dt=1e-3)
+    assert design.crossovers[-1] > HZ * 4
+    assert "asked 2 Hz or above" in design.loop_in_words
+
+
+def model_of(G, unit="", dt=0.0):
+    w = control.tf([0.1], [1], dt) if dt else control.tf([0.1], [1])
+    omega = np.array([1.0, 300.0])
+    return UncertaintyModel(G, w, "multiplicative", omega, np.array([0.05, 0.1]), origin=Origin(unit=unit))
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    save(model_of(MODE, "m/N"), "model.json")
+
+    def run(line):
+        monkeypatch.setattr(sys, "argv", ["robust", *line.split()])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        printed = capsys.readouterr()
+        return stop.value.code or 0, printed.out, printed.err
+
+    return run
+
+
+def test_the_command_prints_what_was_asked_and_got(command):
+    code, out, err = command("design model.json --bandwidth 5 --sample-time 1e-3 -o K.json")
+    got = float(re.search(r"crossover asked 5 Hz, got ([\d.]+) Hz", out)[1])
+    seen = robust.margins.classical_margins(robust.sampled(MODE, 1e-3) * load("K.json")).crossover / HZ
+    assert got == pytest.approx(seen, rel=2e-3)
+    assert ("further off than a factor 2" in err) == (not 2.5 <= got <= 10)
+    err = command("design model.json --bandwidth 5 --crossover-within 1.001 --sample-time 1e-3 -o K.json")[2]
+    assert f"crossover asked 5 Hz, got {got:.4g} Hz: further off than a factor 1.001 (--crossover-within)" in err
+    assert "bandwidth of S asked 1 Hz, got " in command("design model.json --method mixsyn --bandwidth 1 -o m.json")[1]
+    code, _, err = command("design model.json --bandwidth 5 --crossover-within 1 -o K.json")
+    assert code == 2
+    assert "--crossover-within must be a factor above 1, got 1" in err
+
+
+def test_a_pid_crosses_over_within_a_factor_of_two(command):
+    pid = "design model.json --method pid --structure PI --bandwidth 1 --sample-time 1e-3 -o K.json"
+    code, out, _ = command(pid)
+    assert code == 0
+    assert re.search(r"crossover (1\.\d+|2) Hz, asked 1 Hz to 2 Hz;", out)
+    assert "asked 1 Hz or above" in command(f"{pid} --crossover-within inf")[1]
+
+
+@pytest.mark.parametrize("g", [0.3, -0.7])
+def test_the_noise_of_an_encoder_is_its_closed_form(g):
+    """G = g/z, K = k: K S = k z/(z + k g), whose impulse response is k (-k g)^n."""
+    k, dt = 1.2, 1e-2
+    report = check(model_of(control.tf([g], [1, 0], dt), dt=dt), control.ss([], [], [], [[k]], dt))
+    assert report.encoder_noise == pytest.approx(k / np.sqrt(1 - (k * g) ** 2) / np.sqrt(12), rel=1e-9)
+    assert "rms for each unit of y of a step" in unwrapped(str(report))
+
+
+def test_the_noise_of_an_encoder_is_that_of_rounding():
+    """Rounded y of a slow motion over many steps, simulated, against the number of the report."""
+    K, step = robust.shaping.pid(3.0, 20.0, 0.05, filter_time=2e-3, dt=1e-3), 1e-3
+    plant = control.tf([1], [0.05, 1])
+    G = robust.sampled(plant, 1e-3)
+    report = check(model_of(plant, "m/N"), K)
+    y = 40 * step * np.sin(2 * np.pi * 0.9 * np.arange(40_000) * 1e-3) * np.linspace(1, 2, 40_000)
+    rounding = step * np.round(y / step) - y
+    u = control.forced_response(control.feedback(K, G), inputs=rounding).outputs
+    assert np.std(u[2000:]) / step == pytest.approx(report.encoder_noise, rel=0.1)
+    text = unwrapped(str(report))
+    assert f"rounding to steps moves u by {1e-6 * report.encoder_noise:.3g} N rms for each um of a step" in text
+    continuous = check(model_of(plant, "m/N"), control.tf([1.0], [1, 0]))
+    assert np.isnan(continuous.encoder_noise)
+    assert "encoder:" not in str(continuous)
