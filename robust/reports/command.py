@@ -247,7 +247,8 @@ def describe_bandwidth(
     delay: float,
     within: float,
 ) -> str:
-    """Return the crossover or the bandwidth of S [Hz] of a nominal loop beside the one asked for; empty of several loops.
+    """Return the crossover or the bandwidth of S [Hz] of a nominal loop beside the one asked for; empty for several
+    channels.
 
     A crossover that is further off than the factor `within` is warned of.
     """
@@ -259,8 +260,8 @@ def describe_bandwidth(
     text = f"{name} asked {asked:.4g} Hz, got {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}"
     if method != "mixsyn" and not asked / within <= got <= asked * within:
         warnings.warn(
-            f"{text}: further off than a factor {within:g} (--crossover-within). The plant does not let the loop have this "
-            "shape; ask for another bandwidth",
+            f"{text}: further off than a factor {within:g} (--crossover-within). The plant does not let the loop "
+            "have this shape; ask for another bandwidth",
             DesignWarning,
             stacklevel=2,
         )
