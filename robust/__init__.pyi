@@ -38,5 +38,6 @@ from .synthesis.hinf.dk import dk_iteration as dk_iteration
 from .synthesis.hinf.hinfsyn import hinfsyn as hinfsyn
 from .synthesis.hinf.mixsyn import mixsyn as mixsyn
 from .synthesis.hinf.ncfsyn import ncfsyn as ncfsyn
+from .synthesis.learning import design_learning as design_learning
 from .synthesis.reduction import reduce_controller as reduce_controller
 from .synthesis.tuning.tune import tune as tune

@@ -41,10 +41,11 @@ from robust._base.states import FrictionVerdict, Stability
 from robust.servo.cli import servo_app
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, models, measured, pid, sampling, from_options, to_prove, prover, shaping_page = (
+certificates, learnings, models, measured, pid, sampling, from_options, to_prove, prover, shaping_page = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
+        "io.learning",
         "io.models",
         "models.sets.measured",
         "io.pid",
@@ -77,6 +78,8 @@ _OPTIONS = LOAD_OPTIONS | {
     "channel": "channel",
     "columns": "columns",
     "Fs": "force",
+    "omega_Q": "cutoff",
+    "u_max": "limit",
     "base_velocity": "velocity",
     "n_levels": "ramp",
     "n_periods": "periods",
@@ -85,7 +88,23 @@ _OPTIONS = LOAD_OPTIONS | {
     "f_min": "f-min",
     "f_max": "f-max",
 }
+
+
+class _DesignByDefault(typer.core.TyperGroup):
+    """Commands of which `design` is meant where none is named."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+        """Put the name of the command in front of its arguments."""
+        return super().parse_args(ctx, args if not args or args[0] in (*self.commands, "--help") else ["design", *args])
+
+
+learn_app = Commands(
+    help="Learn the input of a trial that repeats: design the filter, then one step after each trial.",
+    cls=_DesignByDefault,
+    no_args_is_help=True,
+)
 app.add_typer(servo_app, name="servo")
+app.add_typer(learn_app, name="learn")
 _CONTROLLER_FILES = "written by 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
 _PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
@@ -467,6 +486,48 @@ def prove(
         write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
         to_prove.save_proofs(proofs, out, basis)
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
+
+
+@learn_app.command("design")
+def design_learning(
+    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    controller: Annotated[Path, typer.Argument(help="Sampled controller that stays in the loop.")],
+    out: Out,
+    factor: Annotated[float, typer.Option(help="Largest factor per trial, for every plant of the set.")] = 0.8,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Cut-off of Q [Hz]; the highest in the band with that factor when not given.")
+    ] = None,
+    limit: Annotated[float, typer.Option(help="Largest |u| that is learned, in the unit of u.")] = np.inf,
+    delay: Delay = None,
+    picture: Picture = None,
+) -> None:
+    """Design a learning filter for a loop whose trials repeat (the word design may be left out)."""
+    plant = models.load_model(model)
+    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
+    omega_Q = None if cutoff is None else 2 * np.pi * require_positive("--cutoff", cutoff)
+    with spinner("designing and proving"):
+        learning = robust.design_learning(plant, K, factor=factor, omega_Q=omega_Q, delay=late, u_max=limit)
+    print(learning)
+    robust.save(learning, out)
+    if picture is not None:
+        from robust.plot import plot_contraction
+
+        write_pictures(picture, [(plot_contraction, learning)])
+
+
+@learn_app.command("step")
+def step_learning(
+    learning: Annotated[Path, typer.Argument(help="Filter written by 'robust learn'.")],
+    u: Annotated[Path, typer.Argument(help="Input that was added in the trial (.csv): its last column.")],
+    e: Annotated[Path, typer.Argument(help="Error r - y of the trial (.csv): its last column.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Input of the next trial to write (.csv).")],
+) -> None:
+    """Compute the input of the next trial from input and error of the last, sampled with the controller."""
+    filters = learnings.load_learning(learning)
+    found = filters.update(from_options.read_last_column(u), from_options.read_last_column(e))
+    rows = [f"{k * filters.dt:.12g},{sample!r}" for k, sample in enumerate(found.tolist())]
+    write_text(out, "\n".join(["t [s],learned input", *rows]) + "\n")
+    print(f"{found.size} samples, at most {np.abs(found).max():.4g}")
 
 
 @app.command()

@@ -52,6 +52,7 @@ _TABLE_HEADERS = (
     (r"f \[Hz\](,Re [^,]+,Im [^,]+,bound [^,]+)+", "the table of a matrix"),
     (r"b0,b1,b2,a0,a1,a2", "second-order sections"),
     (r"t \[s\](,u\d+( experiment \d+)?)+", DESIGN_MARK),
+    (r"t \[s\],learned input", "a learned input"),
     (r"t \[s\],.*", ""),  # a record: it looks like any measurement
 )
 _TEXT_SIGNATURE = rb"(?m)^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$"
@@ -90,6 +91,7 @@ FILE_KINDS = {
     "robust-model": _MODEL_FILE,
     "robust-matrix-model": _MODEL_FILE,
     "robust-controller": _FileKind("a controller", "robust check MODEL {}"),
+    "robust-learning": _FileKind("a learning filter", "robust learn step {} u.csv e.csv -o next.csv"),
     "robust-certificate": _CERTIFICATE_FILE,
     "robust-friction-certificate": _CERTIFICATE_FILE,
     "robust-mu-certificate": _CERTIFICATE_FILE,

@@ -3,6 +3,7 @@
 biquads       second-order sections of a discrete controller, as it runs on its target
 certificates  what was proved, for someone else to prove again
 frd           an FRF of python-control as a `Bla`
+learning      learning filters as JSON
 matlab        MATLAB structs, and a loader beside them
 from_matlab   systems that MATLAB saved
 models        models and controllers as JSON with a schema, exact to the bit

@@ -27,7 +27,7 @@ from robust.models.sets.records import JointProbability, Origin, RecordSummary
 # A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
 # strings. A file is written whole or not at all, and what is read is held against the schema that is published.
 
-_VERSION = 1
+VERSION = 1
 _BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
 PathLike = str | os.PathLike[str]
 
@@ -44,7 +44,7 @@ def _encode(content: object) -> Json:
     if content is None or isinstance(content, str | bool):
         return content
     if isinstance(content, control.StateSpace | control.FrequencyResponseData):
-        return _encode_system(content)
+        return encode_system(content)
     if isinstance(content, tuple | list):
         return [_encode(item) for item in content]
     if is_dataclass(content):
@@ -70,7 +70,7 @@ def _decode(content: Json) -> ArrayField:
         raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
-def _encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
+def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
     """Return a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
@@ -78,7 +78,7 @@ def _encode_system(system: control.StateSpace | control.FrequencyResponseData) -
     return {"kind": "ss", "dt": dt, **{name: _encode(getattr(system, name)) for name in "ABCD"}}
 
 
-def _decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
+def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
     """Return the way back; an empty A, B or C takes its shape from the others."""
     if content["kind"] == "frf":
         omega, pairs = _decode(content["omega"]), _decode(content["G"])
@@ -97,14 +97,13 @@ def _decode_system(content: JsonObject) -> control.StateSpace | control.Frequenc
     return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
 
 
-def _read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
+def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
     """Return schema and content of a JSON file of one of these schemas, or a refusal."""
     content = parse_json_of(path, *schemas)
     found = str(content["schema"])
-    if content.get("version") != _VERSION:
+    if content.get("version") != VERSION:
         raise ValueError(
-            f"path must hold version {_VERSION} of {found}, got {path} with version "
-            f"{short_form(content.get('version'))}"
+            f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
         )
     require_schema(content, path, package="robust", name=found)
     return found, content
@@ -124,10 +123,10 @@ _RECORD_FIELDS = {
 }
 
 
-def _encode_model(model: UncertaintyModel) -> JsonObject:
+def encode_model(model: UncertaintyModel) -> JsonObject:
     """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
-    content: JsonObject = {"schema": schema, "version": _VERSION, "units": _UNITS}
+    content: JsonObject = {"schema": schema, "version": VERSION, "units": _UNITS}
     for name in field_names(model):
         held = getattr(model, name)
         unknown = held is None or (name in ("records", "warnings", "budget", "scaling") and not held)
@@ -136,14 +135,14 @@ def _encode_model(model: UncertaintyModel) -> JsonObject:
         if name == "records":
             held = [{part: _encode(getattr(one, part)) for part in _RECORD_FIELDS[schema]} for one in held]
         elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
-            held = _encode_model(replace(held, records=()))
+            held = encode_model(replace(held, records=()))
         else:
             held = _encode(held)
         content[name] = held
     return content
 
 
-def _decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
+def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
     """Return the way back; what a file does not say is as in a set that was not made of a record."""
     known = {
         field.name: _decode_field(content[field.name], str(field.type))
@@ -152,14 +151,14 @@ def _decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
     }
     records = tuple(_decode_record(one, schema) for one in content.get("records", ()))
     if "alternative_form" in content:
-        known["alternative_form"] = replace(_decode_model(content["alternative_form"], schema), records=records)
+        known["alternative_form"] = replace(decode_model(content["alternative_form"], schema), records=records)
     return UncertaintyModel(**known, records=records)
 
 
 _TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
     "tuple[str, ...]": one_line,
-    "tuple[control.StateSpace, ...]": _decode_system,
-    "tuple[SystemField, ...]": _decode_system,
+    "tuple[control.StateSpace, ...]": decode_system,
+    "tuple[SystemField, ...]": decode_system,
 }
 _VALUES = {"Origin": Origin, "JointProbability": JointProbability}
 
@@ -178,7 +177,7 @@ def _decode_field(content: Json, kind: str) -> Any:
     if kind.startswith("Mapping"):
         return {name: _decode(part) for name, part in content.items()}
     if isinstance(content, dict):
-        return _decode_system(content)
+        return decode_system(content)
     return float(_decode(content)) if kind == "float" else _decode(content)
 
 
@@ -199,13 +198,13 @@ def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
 
 def save_model(model: UncertaintyModel, path: PathLike) -> None:
     """Write an uncertainty model to a ``.json`` file."""
-    write_json(_encode_model(model), path)
+    write_json(encode_model(model), path)
 
 
 def load_model(path: PathLike) -> UncertaintyModel:
     """Read an uncertainty model back from a ``.json`` file."""
-    schema, content = _read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
-    return _decode_model(content, schema)
+    schema, content = read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
+    return decode_model(content, schema)
 
 
 def save_controller(K: Controller, path: PathLike, *, delay: float | None = None, unit: str = "") -> None:
@@ -214,10 +213,10 @@ def save_controller(K: Controller, path: PathLike, *, delay: float | None = None
     require_kind("unit", unit, str)
     content: JsonObject = {
         "schema": CONTROLLER_SCHEMA,
-        "version": _VERSION,
+        "version": VERSION,
         "units": {"dt": "s"} | ({"G": unit} if unit else {}),
         "feedback": "negative: u = K (r - y)",
-        "K": _encode_system(K),
+        "K": encode_system(K),
     }
     content |= {name: _encode(rows) for name, rows in sections_by_name(K).items()}
     if delay is not None:
@@ -231,8 +230,8 @@ def load_controller(path: PathLike) -> control.StateSpace:
     if path.suffix.lower() == ".mat":
         require_file_of(path, CONTROLLER_SCHEMA)
         return load_matlab_system(path)
-    _, content = _read_json(path, (CONTROLLER_SCHEMA,))
-    return as_controller("K", _decode_system(content["K"]))
+    _, content = read_json(path, (CONTROLLER_SCHEMA,))
+    return as_controller("K", decode_system(content["K"]))
 
 
 def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
@@ -245,7 +244,7 @@ def load_controller_context(path: PathLike) -> tuple[float | None, str]:
     """Return the computation delay [s] and the unit of the plant that a controller is for; None, "" where unknown."""
     if to_path(path).suffix.lower() == ".mat":
         return None, ""
-    content = _read_json(path, (CONTROLLER_SCHEMA,))[1]
+    content = read_json(path, (CONTROLLER_SCHEMA,))[1]
     found = content.get("delay")
     return None if found is None else float(found), one_line(content["units"].get("G", ""))
 

@@ -9,6 +9,7 @@ from nlfrf import load as load
 from nlfrf import save as save
 from nlfrf._base.arguments import short_form
 from nlfrf._base.files import parse_json_of
+from robust.io.learning import LEARNING_SCHEMA, load_learning, save_learning
 from robust.io.models import (
     CERTIFICATE_SCHEMAS,
     CONTROLLER_SCHEMA,
@@ -20,6 +21,7 @@ from robust.io.models import (
     save_model,
 )
 from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.learning import Learning
 
 _CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
 
@@ -34,6 +36,9 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
     if isinstance(thing, UncertaintyModel):
         save_model(thing, path)
         return
+    if isinstance(thing, Learning):
+        save_learning(thing, path)
+        return
     from robust.analysis.report import RobustnessReport
     from robust.friction.proof.certify import FrictionProof
     from robust.io.certificates import save_certificate
@@ -46,14 +51,17 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         )
     else:
         raise ValueError(
-            "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a controller or a report "
-            f"of a proof, got {short_form(thing)}"
+            "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a controller, a "
+            f"learning filter or a report of a proof, got {short_form(thing)}"
         )
 
 
 def load_json(path: PathLike) -> object:
-    """Read a model, a controller or the claim of a certificate, by the schema in the file."""
-    schema = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, *CERTIFICATE_SCHEMAS)["schema"]
+    """Read a model, a controller, a learning filter or the claim of a certificate, by the schema in the file."""
+    kinds = (MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, LEARNING_SCHEMA, *CERTIFICATE_SCHEMAS)
+    schema = parse_json_of(path, *kinds)["schema"]
+    if schema == LEARNING_SCHEMA:
+        return load_learning(path)
     if schema not in CERTIFICATE_SCHEMAS:
         return load_system(path)
     from robust.io.certificates import load_claim

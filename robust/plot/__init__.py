@@ -4,6 +4,7 @@
     loops    pictures of loops: gains, check, Nyquist with discs, family, step
     shaping  |L| between its bounds
     friction pictures of friction, and of what it does to a loop
+    learning factor of a learning filter over frequency, error over trials
     tuning   limits of a tuned design over frequency, before and after
     style    colours, units, and the measured band in white
 
@@ -11,6 +12,7 @@ Import them from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.friction import RestCase, plot_friction_fit, plot_friction_force, plot_rest
+from robust.plot.learning import plot_contraction, plot_trials
 from robust.plot.loops import (
     plot_check,
     plot_family,
@@ -32,6 +34,7 @@ __all__ = [
     "RestCase",
     "plot_budget",
     "plot_check",
+    "plot_contraction",
     "plot_family",
     "plot_fit",
     "plot_friction_fit",
@@ -44,5 +47,6 @@ __all__ = [
     "plot_rest",
     "plot_set",
     "plot_step",
+    "plot_trials",
     "plot_weight",
 ]

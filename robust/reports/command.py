@@ -14,6 +14,7 @@ import nlfrf
 from nlfrf._base.arguments import (
     MissingArgumentError,
     inverse_unit,
+    one_line,
     repeat_warnings,
     require_nonnegative,
     require_positive,
@@ -216,6 +217,20 @@ def load_single_model(path: Path) -> UncertaintyModel:
             f"{model.n_inputs} inputs; robust check and robust export take it"
         )
     return model
+
+
+def read_last_column(path: Path) -> np.ndarray:
+    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names, or a refusal."""
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    cells = [line.rpartition(",")[2].strip() for line in lines]
+    try:
+        float(cells[0] if cells else "")
+    except ValueError:
+        cells = cells[1:]
+    try:
+        return np.array([float(cell) for cell in cells])
+    except ValueError as error:
+        raise ValueError(f"{path} must hold numbers in its last column, got {one_line(error)}") from None
 
 
 def demand_weight(

@@ -4,6 +4,7 @@ blocks        elements of controllers: notch, lead, low-pass, PID, with what `tu
 conic         convex programs of designs, as the solver takes them
 fixed         controllers of fixed structure, from the FRF or with a proof
 hinf          H-infinity synthesis
+learning      iterative learning control: the next input of a trial that repeats
 pid_file      a PID with its filters in a TOML file, as blocks
 reduction     a controller of lower order that keeps what was proved
 shaping       compensators: lead, lag, notch, low-pass, PID

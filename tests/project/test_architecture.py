@@ -28,8 +28,8 @@ ARROWS = {
     "robust.friction": "proofs lti",
     "robust.analysis": "models mu proofs lti",
     "robust.synthesis": "analysis friction models mu proofs lti",
-    "robust.plot": "analysis friction models lti",
-    "robust.io": "analysis friction models proofs lti",
+    "robust.plot": "synthesis analysis friction models lti",
+    "robust.io": "synthesis analysis friction models proofs lti",
     "robust.servo": "reports plot io synthesis analysis friction models lti",
     "robust.reports": "io plot synthesis analysis friction models lti",
 }

@@ -9,6 +9,7 @@ closed_loops   the norm of a plant closed through a controller, over the rationa
 conditions     the inequalities of a claim at a frequency, in sums and products
 folded_sets    claims that a sampled set with several channels contains a continuous one
 interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each
+learning       the factor per trial of a learning filter
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: decisions on norms and definiteness
 polynomials    exact numbers, roots of polynomials, Routh's array, signs on a half line

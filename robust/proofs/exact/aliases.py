@@ -75,7 +75,7 @@ class Ratio:
         for p in (self.num, self.den):
             ball = p(y)
             if not ball > 0 or ball.rad() > _LOOSE_RADIUS * abs(ball.mid()):
-                first, *others = compose_polynomial(p, _squared_line(low, high)).p.coeffs()
+                first, *others = compose_polynomial(p, squared_line(low, high)).p.coeffs()
                 ball = first + arb(0, sum((abs(c) for c in others), arb(0)).abs_upper())
             found.append(ball)
         return found
@@ -96,7 +96,7 @@ class Ratio:
         return _sqrt_upper(top, bottom)
 
 
-def _squared_line(low: arb, high: arb) -> TaylorModel:
+def squared_line(low: arb, high: arb) -> TaylorModel:
     """Return omega^2 on an interval as a Taylor model."""
     omega = linear_model((low + high) / 2, (high - low) / 2)
     return omega * omega
@@ -126,7 +126,7 @@ def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
 
 @value(copy=False)
 class _Sums:
-    """Upper bounds of the sums over all aliases k != 0 on an interval; `_Aliases` defines the sums."""
+    """Upper bounds of the sums over all aliases k != 0 on an interval; `AliasBounds` defines the sums."""
 
     F: arb
     G: arb
@@ -183,7 +183,7 @@ class AliasBlocks:
         return found + c * self.hold**holds * both / self.step**order
 
 
-class _Aliases:
+class AliasBounds:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
     def __init__(self, claim: LoopClaim, dt: fmpq) -> None:
@@ -303,7 +303,7 @@ class _Sizes:
     centre: arb = field(default_factory=arb.nan)
 
 
-def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _Sums) -> _Sizes:
+def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others: _Sums) -> _Sizes:
     """Return upper bounds of all terms of a claim on an interval.
 
     |q S| is bounded by |q| |S|; if G dominates the aliases, at a pole of G or K too, by |q/(K h_0 G)| |T|/(1 - e).
@@ -343,7 +343,7 @@ def _bound_sizes(aliases: _Aliases, t: Terms, *, low: arb, high: arb, others: _S
     return _Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def _bound_centre(aliases: _Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
+def _bound_centre(aliases: AliasBounds, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
     """Return an upper bound of |1 - |F|^2 S|, from |F|^2 = a in the middle and the largest deviation from it.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
@@ -381,7 +381,7 @@ def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling:
 
 
 def _joint_claim_measure(
-    aliases: _Aliases, claim: LoopClaim, *, name: str, t: Terms, u: _Sizes, s: _Sums, scaling: arb, y: TaylorModel
+    aliases: AliasBounds, claim: LoopClaim, *, name: str, t: Terms, u: _Sizes, s: _Sums, scaling: arb, y: TaylorModel
 ) -> bool:
     """Return whether the claim holds with all terms at the base frequency as one quotient, sharper near its peak.
 
@@ -425,19 +425,25 @@ def _largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
 
-def prove_with_aliases(
-    claim: LoopClaim, names: list[str], *, axis: Axis, found: Squares, scaling: arb, deadline: float
-) -> dict[str, Decision]:
-    """Prove claims from zero to Nyquist, interval by interval; all claims share the results of an interval."""
+def aliased_terms(
+    claim: LoopClaim, name: str, *, axis: Axis, found: Squares
+) -> tuple[AliasBounds, Callable[[arb, arb], Terms]]:
+    """Return the aliases of a claim, and the terms of its sampled loop on an interval of omega."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
-        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {names[0]!r}")
-    aliases = _Aliases(claim, axis.dt)
+        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {name!r}")
     samples = int((to_rational(claim.delay) / axis.dt + to_rational(WHOLE_SAMPLES)).floor())
     if samples:
         G, K, *_ = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt)
         axis = replace(axis, G=G, K=K)
         found = squared_magnitudes(axis)
-    terms: Callable[[arb, arb], Terms] = sampled_terms(axis, found, samples)
+    return AliasBounds(claim, axis.dt), sampled_terms(axis, found, samples)
+
+
+def prove_with_aliases(
+    claim: LoopClaim, names: list[str], *, axis: Axis, found: Squares, scaling: arb, deadline: float
+) -> dict[str, Decision]:
+    """Prove claims from zero to Nyquist, interval by interval; all claims share the results of an interval."""
+    aliases, terms = aliased_terms(claim, names[0], axis=axis, found=found)
 
     @lru_cache(maxsize=4096)  # some 15 kB each
     def known(low: float, high: float) -> tuple[Terms, _Sizes, _Sums]:
@@ -448,7 +454,7 @@ def prove_with_aliases(
     def holds(name: str, low: float, high: float) -> bool:
         t, sizes, others = known(low, high)
         bound = _claim_measure(claim, name, u=sizes, s=others, scaling=scaling)
-        y = _squared_line(arb(low), arb(high))
+        y = squared_line(arb(low), arb(high))
         near = bool(bound < _REFINEMENT_FACTOR)
         return bool(bound < 1) or (
             near and _joint_claim_measure(aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y)

@@ -1,0 +1,400 @@
+r"""Iterative learning control: the next input of a trial that repeats, from the error of the one before.
+
+    u_next = Q (u + L e),    e = S_p r - J_p u,    J_p = G_p S_p: from u at the plant input to y, the feedback stays
+
+Over the set G_p = (G + g Delta)/(1 + a Delta), |Delta| <= 1, with b of `robust.models.sets.forms`,
+
+    J_p = S (G + g Delta)/(1 + b Delta),    a disc with the centre c = S (G - g b*)/(1 - |b|^2)
+                                            and the radius rho = |S| |g - G b|/(1 - |b|^2).
+
+Per trial the difference to what is left in the end is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c| + |L| rho)
+over the set. With x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is zero. In between L fades
+here, as a jump of L rings for long: L = k/c with k = (1 - x)/(1 - factor), at most one, and the factor is 1 - k (1 - x).
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+
+import control
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from nlfrf._base.arguments import format_hertz, require_positive, short_form
+from nlfrf._base.values import value
+from robust._base.types import Controller, LinearSystem, SystemField
+from robust._base.warnings import DesignWarning
+from robust.analysis.curves import Curves
+from robust.analysis.loop import Loop, assemble_loop
+from robust.analysis.loop_proofs import stability_claim
+from robust.analysis.robustness import check
+from robust.lti.grids import extend_grid
+from robust.lti.lti import replace_infinite, require_sampling_time, response, to_s_plane
+from robust.lti.realisation import state_space
+from robust.models.sets.forms import plant_numerator
+from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.proofs.exact.learning import LearningClaim, prove_learning
+
+SET, NOMINAL = "set", "nominal"
+_TIME_CAP = 20.0  # processor time [s] for the proof
+_BELOW = 3e-3  # relative, by which the factor on the grid stays below the level that is proved
+_PADDED = 3  # times the length of a trial, over which filters without phase run
+_END = 3  # time constants at the end of a trial over which what is learned comes to be held
+
+
+@value
+class Learning:
+    """A learning filter for a loop whose trials repeat, and what it does to every plant of a set.
+
+    Fields
+    ------
+    model : UncertaintyModel
+        The set.
+    K : control.StateSpace
+        The sampled controller, which stays in the loop.
+    delay : float
+        Computation delay [s] on top of what the model contains.
+    L : "set", "nominal" or control.StateSpace
+        From the error to the input: the best for the set, 1/J of the nominal loop, or a filter of the user.
+    omega_Q : float
+        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, cos^2 from there to zero at twice that.
+    factor : float
+        What the factor per trial stays below, for every plant of the set and at every frequency where proved.
+    full : float
+        x = rho/|c| up to which L "set" is 1/c; it fades from there to x = 1.
+    u_max : float
+        Limit of |u|, inf for none.
+    proved : bool
+        Whether the factor is proved between the frequencies, too.
+    reason : str
+        Why not; empty where it is.
+
+    References
+    ----------
+    Bristow, Tharayil & Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26(3), 2006.
+    """
+
+    model: UncertaintyModel
+    K: control.StateSpace
+    delay: float
+    L: SystemField
+    omega_Q: float
+    factor: float
+    full: float
+    u_max: float = np.inf
+    proved: bool = False
+    reason: str = "not tried"
+
+    def __post_init__(self) -> None:
+        require_one_channel(self.model, "learning is for one loop", "to learn on")
+        loop = self.loop
+        if not loop.dt:
+            raise ValueError("K must be sampled, as trials are samples, got a continuous controller: discretize(K, dt)")
+        if self.model.perturbation == "operator":
+            raise ValueError(
+                'model must have linear plants to learn on, got the class "operator": a nonlinear plant fills no disc '
+                'at a frequency. perturbation="LTI" claims that the plants are linear'
+            )
+        if loop.aliases is not None and loop.aliases.inverse:
+            raise ValueError(
+                f"model must be multiplicative or additive for a sampled K on a continuous nominal, got {loop.form}: "
+                "with its aliases the plant fills no disc at a frequency"
+            )
+        if not self.u_max > 0:
+            raise ValueError(f"u_max must be a positive limit of |u|, got {short_form(self.u_max)}")
+        if not isinstance(self.L, str):
+            self.__dict__["L"] = L = state_space("L", self.L)
+            require_sampling_time("L", L, reference="the loop", wanted=loop.dt)
+        elif self.L not in (SET, NOMINAL):
+            raise ValueError(f'L must be "{SET}", "{NOMINAL}" or a system, got {short_form(self.L)}')
+
+    @cached_property
+    def loop(self) -> Loop:
+        """Return the loop that the trials run in."""
+        return assemble_loop(self.model, self.K, w_P=None, delay=self.delay)
+
+    @property
+    def dt(self) -> float:
+        """Return the sampling time [s]."""
+        return self.loop.dt
+
+    @cached_property
+    def omega(self) -> np.ndarray:
+        """Return the frequencies (W,) [rad/s], up to Nyquist, at which the set was looked at."""
+        return extend_grid(self.loop.grid(self.model.omega), self.loop.omega_max)[1:]
+
+    @cached_property
+    def settling(self) -> float:
+        """Return the longest time constant of the nominal loop, and of Q one period of its cut-off [s]."""
+        rates = -to_s_plane(self.loop.poles[0].astype(complex), self.dt).real
+        slowest = min(rates.min(initial=np.inf), self.omega_Q / (2 * np.pi))
+        return float(1 / max(slowest, 1e-300))
+
+    def disc(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return centre and radius (W,) of the values of J_p over the set at omega [rad/s]."""
+        return _disc(self.loop, self.loop.curves(omega))
+
+    def Q(self, omega: np.ndarray) -> np.ndarray:
+        """Return the response (W,) of Q, real as it is without phase."""
+        return np.asarray(np.cos(np.pi / 2 * np.clip(np.asarray(omega) / self.omega_Q - 1, 0, 1)) ** 2)
+
+    def filter(self, omega: np.ndarray) -> np.ndarray:
+        """Return the response (W,) of L."""
+        if not isinstance(self.L, str):
+            return response(self.L, omega)
+        if self.L == NOMINAL:
+            curves = self.loop.curves(omega)
+            return 1 / (replace_infinite(curves.G) * curves.S)
+        centre, radius = self.disc(omega)
+        return np.clip((1 - radius / np.abs(centre)) / (1 - self.full), 0, 1) / centre
+
+    def without_Q(self, omega: np.ndarray) -> np.ndarray:
+        """Return the largest |1 - L J_p| (W,) over the set."""
+        (centre, radius), L = self.disc(omega), self.filter(omega)
+        return np.asarray(np.abs(1 - L * centre) + np.abs(L) * radius)
+
+    def contraction(self, omega: np.ndarray) -> np.ndarray:
+        """Return the factor per trial (W,): the largest |Q (1 - L J_p)| over the set."""
+        Q = self.Q(omega)
+        return Q * np.where(Q > 0, self.without_Q(omega), 0.0)
+
+    def left(self, omega: np.ndarray) -> np.ndarray:
+        """Return an upper bound (W,) of what is left of the error in the end, over the error without learning."""
+        return (1 - self.Q(omega)) / (1 - self.contraction(omega))
+
+    def update(self, u: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Return the input of the next trial.
+
+        Parameters
+        ----------
+        u : (n,) or (n, 1) ndarray
+            Input that was added to that of the controller at the plant input, in this trial; zeros in the first.
+        e : (n,) or (n, 1) ndarray
+            Error r - y of this trial, sampled at the same instants.
+
+        Returns
+        -------
+        (n,) or (n, 1) ndarray
+            Q (u + L e), within `u_max`.
+
+        Raises
+        ------
+        ValueError
+            Arrays of different lengths, of several columns, or that are not finite.
+
+        Warns
+        -----
+        DesignWarning
+            A trial that is shorter than the longest time constant of the loop and the filters.
+        """
+        samples, error = _trial("u", u), _trial("e", e)
+        n = samples.size
+        if error.size != n:
+            raise ValueError(f"e must have a sample for each of the {n} of u, got {error.size}")
+        if n * self.dt < self.settling:
+            warnings.warn(
+                f"a trial must be longer than the longest time constant of the loop and the filters, {self.settling:.3g} "
+                f"s, for the factor to hold, got {n * self.dt:.3g} s: let it run on at rest",
+                DesignWarning,
+                stacklevel=2,
+            )
+        total = next_fast_len(_PADDED * n, real=True)
+        omega = 2 * np.pi * rfftfreq(total, self.dt)
+        L, order = self._without_poles(omega)
+        # differences are zero before the trial, and behind it as well: what is learned begins at rest and is then held
+        k = max(order, 1)
+        change, error = _differences(samples, k), _differences(error, k - order)
+        learned = irfft(self.Q(omega) * (rfft(change, total) + L * rfft(error, total)), total)[:n]
+        learned = learned * _end_window(n, self.settling / self.dt)
+        for _ in range(k):
+            learned = np.cumsum(learned)
+        return np.clip(learned, -self.u_max, self.u_max).reshape(np.shape(u))
+
+    def _without_poles(self, omega: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return L (W,) without its poles at zero frequency, and their number: J is zero where K integrates."""
+        inside = (omega > 0) & (omega < min(2 * self.omega_Q, self.loop.omega_max))
+        low = omega[1] / 8 * np.array([1.0, 2.0])
+        at = np.concatenate([low, omega[inside]])
+        found = self.filter(at)
+        sizes = np.abs(found[:2])
+        n = max(round(float(np.log2(sizes[0] / sizes[1]))), 0) if sizes.all() else 0
+        found = found * (1 - np.exp(-1j * at * self.dt)) ** n
+        L = np.zeros(omega.size, dtype=complex)
+        L[inside], L[0] = found[2:], found[0].real
+        return L, n
+
+    def __str__(self) -> str:
+        omega, (low, high) = self.omega, self.loop.band
+        seen = f"on {omega.size} frequencies up to Nyquist"
+        shrinks = omega[np.maximum.accumulate(np.divide(*np.abs(self.disc(omega)[::-1]))) < 1]
+        end = format_hertz(shrinks[-1]) if shrinks.size else "no frequency"
+        top, zero = format_hertz(min(self.omega_Q, self.loop.omega_max)), 2 * self.omega_Q
+        last = f" and nothing above {format_hertz(zero)} (Q = 0)" if zero < self.loop.omega_max else ""
+        where = "at every frequency: proved, rigorous"
+        if not self.proved:
+            where = f"{seen}, not proved between them: {self.reason}"
+        most = "no more than without learning"  # (1 - Q)/(1 - Q f) with f <= 1
+        if self.L != SET:
+            most = f"at most {self.left(omega).max():.3g} of that without learning, {seen}"
+        lines = [
+            f"learns all up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
+            f"factor per trial: at most {self.factor:.3g} for every linear plant of the set, {where}",
+            "rule: the loop is robustly stable, so learning can contract exactly where the disc of J_p leaves zero out "
+            f"(of a multiplicative set where |w| < 1): {seen} up to {end}",
+            f"left of the error in the end: nothing up to {top}; elsewhere {most}",
+            "assumed: trials begin at the same state and repeat, noise apart, and have no end; let a trial run on at "
+            f"rest for {_END * self.settling:.2g} s, in which the learned input comes to be held",
+            f"measured: the set from {format_hertz(low)} to {format_hertz(high)}; it is assumed elsewhere",
+        ]
+        if self.model.perturbation == "statistical":
+            lines.append("the set is statistical: it holds measured FRFs, and no theorem makes it hold the machine")
+        return "\n".join(lines)
+
+
+def design_learning(
+    model: UncertaintyModel,
+    K: Controller,
+    *,
+    factor: float = 0.8,
+    L: str | LinearSystem = SET,
+    omega_Q: float | None = None,
+    delay: float = 0.0,
+    u_max: float = np.inf,
+) -> Learning:
+    """Design a learning filter for a loop whose trials repeat: u_next = Q (u + L e), with a factor for the whole set.
+
+    Use it where feedback alone leaves an error that is the same in every trial, as friction does.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        Of one input and output, with a parametric nominal.
+    K : control.StateSpace, TransferFunction or float
+        Sampled controller, u = K (r - y), which leaves every plant of the set stable. It stays in the loop.
+    factor : float
+        What the factor per trial is to stay below, for every plant of the set, between 0 and 1.
+    L : "set", "nominal", control.StateSpace or TransferFunction
+        From the error to the input: the best for the set (1/J of the centre of its disc), 1/J of the nominal loop, or
+        a filter of your own on the sampling time of the loop.
+    omega_Q : float, optional
+        Cut-off of Q [rad/s]; when not given the highest in the measured band with which the factor
+        stays below `factor`.
+    delay : float
+        Computation delay [s] on top of what the model contains.
+    u_max : float
+        Limit of the learned input, in the unit of u; the factor is that of inputs within it.
+
+    Returns
+    -------
+    Learning
+        Its factor is proved for L "set" but in the coprime form; else it holds on a grid, and the text has its size.
+
+    Raises
+    ------
+    ValueError
+        A model that is no such set, a continuous K, a loop that is not robustly stable, an operator, an inverse form
+        of a continuous nominal, an `omega_Q` with a factor of one or more.
+
+    References
+    ----------
+    Bristow, Tharayil & Alleyne, IEEE Control Systems 26(3), 2006: Q and L in the frequency domain, theorem 6.
+
+    Examples
+    --------
+    A lag with an uncertain gain: at low frequency T is near 1/2, and x = 0.2/2/(1 - 0.04/2).
+
+    >>> lag, w = robust.sampled(control.tf([1], [1, 1]), 0.1), control.ss([], [], [], [[0.2]], 0.1)
+    >>> model = robust.UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.2, 0.2]),
+    ...     perturbation="LTI")
+    >>> learning = design_learning(model, control.ss([], [], [], [[1.0]], 0.1))
+    >>> learning.proved, round(float(learning.contraction(np.array([1e-3]))[0]), 4)
+    (True, 0.102)
+    """
+    require_one_channel(model, "learning is for one loop", "to learn on")
+    factor = require_positive("factor", factor)
+    if factor >= 1:
+        raise ValueError(f"factor must be below 1 for learning to contract, got {factor:g}")
+    K = state_space("K", K)
+    made = {"model": model, "K": K, "delay": delay, "L": L, "full": factor, "u_max": u_max}
+    widest = Learning(**made, omega_Q=np.inf, factor=1.0)
+    report = check(model, K, delay=delay)
+    if not report.margins.rs > 1:
+        raise ValueError(
+            f"K must leave every plant of the set stable to learn on, got {report.verdict}: {report.reason}"
+        )
+    if omega_Q is None:
+        omega_Q = _largest_cutoff(widest, factor)
+        if omega_Q < widest.loop.band[0]:
+            raise ValueError(
+                f"factor must be one that learning reaches in the measured band, got {factor:g}, which it keeps up to "
+                f"{format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}. A smaller set, or omega_Q="
+            )
+    omega_Q = require_positive("omega_Q", omega_Q)
+    filtered = Learning(**made, omega_Q=omega_Q, factor=1.0)
+    largest, where = filtered.loop.peak(filtered.contraction, filtered.omega, filtered.loop.band)
+    level = largest * (1 + _BELOW)
+    if level >= 1:
+        raise ValueError(
+            f"omega_Q must leave a factor below 1 per trial, got one of {largest:.3g} at {format_hertz(where)}"
+        )
+    if L != SET:
+        reason = 'only L "set" has a proof'
+    elif not report.proofs.robustly_stable:
+        reason = f"robust stability is not proved: {report.reason}"
+    else:
+        loop = stability_claim(model, K, w_P=None, delay=delay)
+        found = prove_learning(LearningClaim(loop=loop, omega_Q=omega_Q, full=factor, level=level), time_cap=_TIME_CAP)
+        reason = "" if found.holds else found.reason
+    return Learning(**made, omega_Q=omega_Q, factor=level, proved=not reason, reason=reason)
+
+
+def _largest_cutoff(learning: Learning, factor: float) -> float:
+    """Return the highest cut-off [rad/s] of Q with which the factor per trial stays below one that is wanted.
+
+    At a frequency where |1 - L J_p| reaches f > factor, Q has to be factor/f, and this gives the cut-off.
+    """
+
+    def inverse_cutoff(omega: np.ndarray) -> np.ndarray:
+        need = np.arccos(np.sqrt(np.minimum(factor / learning.without_Q(omega), 1.0)))
+        return np.where(need > 0, (1 + 2 / np.pi * need) / omega, 0.0)
+
+    least = learning.loop.peak(inverse_cutoff, learning.omega, learning.loop.band).value
+    # nothing was measured above the band, and at the Nyquist frequency Q is one everywhere
+    return float(min((1 - 2 * _BELOW) / max(least, 1e-300), learning.loop.band[1], learning.loop.omega_max))
+
+
+def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre and radius (W,) of J_p over the set from the curves of its loop."""
+    G, S = replace_infinite(curves.G), curves.S
+    if loop.aliases is None:
+        g, b = plant_numerator(loop.form, curves.w, G=G, W=curves.W), curves.b
+    else:  # of a continuous set a disc about the sampled plant, the sum of those of its aliases
+        g = loop.aliases.sampled_radius(curves.omega, curves.G)
+        b = g * curves.K_S
+    inside = 1 - np.abs(b) ** 2
+    return S * (G - g * np.conj(b)) / inside, np.abs(S) * np.abs(g - G * b) / inside
+
+
+def _trial(name: str, samples: np.ndarray) -> np.ndarray:
+    """Return the samples (n,) of a trial of one channel, or a refusal."""
+    found = np.asarray(samples)
+    if found.dtype.kind not in "fiu" or found.shape not in ((found.size,), (found.size, 1)) or found.size < 2:
+        raise ValueError(f"{name} must be real samples of one channel, (n,) or (n, 1), got {short_form(samples)}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite, got {found.ravel()[~np.isfinite(found.ravel())][0]}")
+    return found.ravel().astype(float)
+
+
+def _differences(samples: np.ndarray, order: int) -> np.ndarray:
+    """Return the differences (n,) of samples that are zero before the first."""
+    return np.diff(samples, order, prepend=np.zeros(order))
+
+
+def _end_window(n: int, settling: float) -> np.ndarray:
+    """Return (n,) one, and over the last time constants the fall of cos^2 to zero.
+
+    An error that a late input makes behind the end is not seen. Learned all the same, such inputs may grow.
+    """
+    length = int(min(_END * settling, n / 3)) + 1
+    return np.minimum(1.0, np.sin(np.pi / 2 * np.clip(np.arange(n, 0, -1) - 1, 0, length) / length) ** 2)
