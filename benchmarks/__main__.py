@@ -52,6 +52,7 @@ COMMANDS = (
     "attack_best_gain --plants 30",
     "tuning",
     "attack_tune --designs 60",
+    "attack_learning --loops 20",
     "level_of_loop --seeds 2",
     "mispaired",
     "records_as_found --records 120",

@@ -1,8 +1,8 @@
-"""Whether a learning filter contracts as it says: random loops and sets, plants drawn from each set, trials with an end.
+"""Whether a learning filter contracts as it states: random loops and sets, plants of each set, trials with an end.
 
-Plants are made as systems and sampled, apart from `design_learning`. "Above": |Q (1 - L J_p)| of a plant of the set above
-the factor that was printed, somewhere; must be 0. "Reached": the largest share of the factor that a plant made for its
-worst frequency has there. "Trials": the input of a finite trial, padded as `update` does, over that of the one before.
+Plants are made as systems and sampled, apart from `design_learning`. "Above": |Q (1 - L J_p)| of a plant of the set
+above the factor that was printed, somewhere; must be 0. "Reached": the share of the factor that a plant made for its
+worst frequency has there. "Trials": how much of the changes of the input is left after a trial with an end, most.
 
 python -m benchmarks.attack_learning [--loops 300] [--plants 200] [--first 0]
 """
@@ -27,7 +27,7 @@ FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additi
 
 
 def random_problem(rng: np.random.Generator) -> dict:
-    """A stable or integrating plant, continuous or sampled, a sampled controller, and a set that leaves the loop stable."""
+    """A stable or integrating plant, continuous or sampled, a sampled controller, a set that leaves the loop stable."""
     sampled = rng.random() < 0.5
     form = FORMS[rng.integers(4)] if sampled else FORMS[rng.integers(2)]
     dt = float(10 ** rng.uniform(-3.3, -2))
@@ -80,7 +80,7 @@ def seen_by(learning: Learning, plant: control.StateSpace) -> control.StateSpace
 
 
 def worst_delta(learning: Learning, omega: float) -> control.StateSpace:
-    """A perturbation of gain one whose plant lies where |1 - L J_p| is largest at a frequency, all its aliases in phase."""
+    """A perturbation of gain one whose plant has the largest |1 - L J_p| at a frequency, all its aliases in phase."""
     loop, at = learning.loop, np.array([omega])
     centre, radius = (part[0] for part in learning.disc(at))
     L = learning.filter(at)[0]

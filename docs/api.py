@@ -43,7 +43,13 @@ FIRST = (
     *("nlfrf.identify", "nlfrf.multisine", "nlfrf.load_record", "nlfrf.inspect_file", "nlfrf.simulate", "nlfrf.Bla"),
     *("nlfrf.Record", "nlfrf.Multisine", "robust.fit_nominal", "robust.uncertainty", "robust.UncertaintyModel"),
     *("robust.sampled", "robust.performance_weight", "robust.ncfsyn", "robust.design_frf", "robust.tune"),
-    *("robust.check", "robust.RobustnessReport", "robust.worst_case", "robust.prove_friction"),
+    *(
+        "robust.design_learning",
+        "robust.check",
+        "robust.RobustnessReport",
+        "robust.worst_case",
+        "robust.prove_friction",
+    ),
     *("robust.reports.write_report", "robust.io.export_matlab"),
 )
 #: Modules of pictures: every plot_ function is public.

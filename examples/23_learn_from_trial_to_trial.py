@@ -85,7 +85,7 @@ nlfrf.save(played, out / "moving.csv")
 servo.play_experiment(replace(axis, drive=rough.drive), out / "moving.csv", out / "moving-trace.csv")
 record = load_trace(out / "moving-trace.csv", out / "moving.npz", u="force set point", y="position")[-1]
 bla = nlfrf.identify(record)
-model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3, n_zeros=0), order=4)
+model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0, delay="estimate"), order=4)
 drive = servo.cascade(axis.drive, output_unit="N")
 on_axis = robust.design_learning(model, drive, omega_Q=2 * np.pi * 60)
 print(f"\n--- servo axis ---\n{on_axis}")

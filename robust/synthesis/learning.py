@@ -9,7 +9,7 @@ Over the set G_p = (G + g Delta)/(1 + a Delta), |Delta| <= 1, with b of `robust.
 
 Per trial the difference to what is left in the end is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c| + |L| rho)
 over the set. With x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is zero. In between L fades
-here, as a jump of L rings for long: L = k/c with k = (1 - x)/(1 - factor), at most one, and the factor is 1 - k (1 - x).
+here, as a jump of L rings for long: L = k/c, k = (1 - x)/(1 - factor) but at most one; the factor is 1 - k (1 - x).
 """
 
 from __future__ import annotations
@@ -194,8 +194,8 @@ class Learning:
             raise ValueError(f"e must have a sample for each of the {n} of u, got {error.size}")
         if n * self.dt < self.settling:
             warnings.warn(
-                f"a trial must be longer than the longest time constant of the loop and the filters, {self.settling:.3g} "
-                f"s, for the factor to hold, got {n * self.dt:.3g} s: let it run on at rest",
+                "a trial must be longer than the longest time constant of the loop and the filters, "
+                f"{self.settling:.3g} s, for the factor to hold, got {n * self.dt:.3g} s: let it run on at rest",
                 DesignWarning,
                 stacklevel=2,
             )

@@ -135,6 +135,12 @@ PRINTED = {
         r"The loop of [12] Hz:\nverdict: +STATISTICALLY ROBUST",
         r"certificate: robust stability at all frequencies: yes",
     ],
+    "23_learn_from_trial_to_trial": [
+        r"friction rig ---\nlearns all up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
+        r"\d{2,} times lower after ten trials",
+        r"servo axis ---\nlearns all up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
+        r"\d{1,} times lower after ten trials",
+    ],
     "22_family_of_matrix_plants": [
         r"inverse-(in|out)put +0\.\d\d\d at .*\ninverse-(in|out)put",
         "8 plants that were given, each inside, systems at all frequencies",

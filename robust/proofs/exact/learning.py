@@ -1,19 +1,19 @@
-r"""The claim of a learning filter: at every frequency its factor per trial stays below a level, for every plant of a set.
+r"""The claim of a learning filter: its factor per trial stays below a level at every frequency, for a whole set.
 
 With J = G S from u to y, r the relative radius of the set (|w|, |w/G|, all aliases included) and L = F/J,
 
     x = r |S| / |1 - r^2 T*|       inverse forms: x = |b|
 
 is the least of |1 - F c| + |F| rho over F. It grows with r as long as r |T| < 1: an upper bound of r gives one of x.
-What is claimed, |Q| f(x) < level with f as in `LearningClaim`, is x < X on an interval on which |Q| has a largest value,
-and that is a polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
+What is claimed, |Q| f(x) < level with f as in `LearningClaim`, is x < X on an interval with a largest |Q|, and that is
+a polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
-from math import cos, pi, sqrt
+from math import cos, inf, pi, sqrt
 
 from flint import arb, ctx
 
@@ -52,12 +52,12 @@ class LearningClaim:
     level: float
 
     def largest_ratio(self, omega: float) -> float:
-        """Return X with |Q| f(x) <= level for x <= X at all frequencies from omega [rad/s] on; inf where any x will do."""
+        """Return X with |Q| f(x) <= level for x <= X at all frequencies from omega [rad/s] on; inf for any x."""
         share = min(max(omega / self.omega_Q - 1, 0.0), 1.0)
         Q = cos(pi / 2 * share) ** 2 + _ROUNDING
         wanted = self.level / Q * (1 - _ROUNDING)
         if wanted >= 1:
-            return float("inf")
+            return inf
         return wanted if wanted <= self.full else 1 - sqrt((1 - wanted) * (1 - self.full))
 
 
@@ -86,7 +86,7 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
 
     def holds(low: float, high: float) -> bool:
         X = claim.largest_ratio(low)
-        if X == float("inf"):
+        if not inf > X:
             return True
         a, b = arb(low), arb(high)
         t = terms((a + b) / 2, (b - a) / 2)
