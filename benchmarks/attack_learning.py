@@ -54,6 +54,8 @@ def random_problem(rng: np.random.Generator) -> dict:
     K = stable[-1] * 10 ** rng.uniform(-1.2, -0.2) * shape
     corner, high, low = 10 ** rng.uniform(top - 2, top), 10 ** rng.uniform(-0.3, 1), 10 ** rng.uniform(-2, -0.3)
     w = control.ss(control.tf([high / corner, low], [1 / corner, 1]))
+    if form == "additive" and not sampled:  # one that does not fall off has no bound under a sampler
+        w = control.ss(w * control.tf([1], [1 / 10**top, 1]))
     nominal = robust.sampled(G, dt) if sampled else G
     w = control.ss(control.sample_system(w, dt, "tustin")) if sampled else w
     omega = np.geomspace(1e-3, 0.9, 40) * np.pi / dt

@@ -230,7 +230,7 @@ def read_last_column(path: Path) -> np.ndarray:
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError as error:
-        raise ValueError(f"{path} must hold numbers in its last column, got {one_line(error)}") from None
+        raise ValueError(f"{path} must hold numbers in its last column, got {one_line(str(error))}") from None
 
 
 def demand_weight(
