@@ -567,10 +567,38 @@ def export(
             help="Model, controller or certificate of 'robust check --proof lmi' (.json), or a PID (.toml)."
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            help="File to write: .mat (with a loader .m), .csv (sections), .h (C), .st (structured text).",
+        ),
+    ],
+    dtype: Annotated[
+        str | None, typer.Option(help="Code: float32 (default in C) or float64 (default in structured text).")
+    ] = None,
+    limit: Annotated[
+        list[float] | None, typer.Option(help="Code: largest |u|; given twice the least and the largest u.")
+    ] = None,
+    rounded: Annotated[
+        Path | None, typer.Option(help="Code: the controller with rounded coefficients, to check again (.json).")
+    ] = None,
 ) -> None:
-    """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    if out.suffix == ".mat":
+    """Write a model or controller for MATLAB (.mat), or a discrete controller as code (.h, .st) or sections (.csv)."""
+    is_code = out.suffix in (".h", ".st")
+    if not is_code and (dtype or limit or rounded):
+        raise ValueError(f"--dtype, --limit and --rounded must be left out but for .h and .st, got {out}")
+    if is_code:
+        K, (late, unit) = models.load_controller(file), models.load_controller_context(file)
+        write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
+        given = {"dtype": dtype} if dtype else {}
+        require_writable(*([rounded] if rounded else []))
+        code = write(K, out, limit=limit[0] if limit and len(limit) == 1 else limit or None, unit=unit, **given)
+        if rounded:
+            models.save_controller(code.K, rounded, delay=late, unit=unit)
+        print(code)
+    elif out.suffix == ".mat":
         require_file_of(file, "robust-model", "robust-matrix-model", "robust-controller", "robust-mu-certificate")
         robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
@@ -582,7 +610,7 @@ def export(
         rows = [",".join(map(repr, row)) for row in sections.tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
     else:
-        raise ValueError(f"out must end in .mat or .csv, got {out}")
+        raise ValueError(f"out must end in .mat, .csv, .h, .st or .py, got {out}")
 
 
 @app.command()

@@ -24,7 +24,7 @@ from nlfrf._base.values import to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-OUTPUT_PARAMETERS = ("out", "picture")  # parameters with a file to write; every other path is read
+OUTPUT_PARAMETERS = ("out", "picture", "rounded")  # parameters with a file to write; every other path is read
 _OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 
 

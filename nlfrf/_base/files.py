@@ -366,7 +366,7 @@ _KIND_READERS: dict[str, Callable[[Path], str | None]] = {
         (".png", ".pdf", ".svg", ".eps", ".ps"),
         partial(_kind_of_signed, signature=b"(%b)" % PICTURE_SIGNATURE.encode()),
     ),
-    **dict.fromkeys((".txt", ".m", ".md"), partial(_kind_of_signed, signature=_TEXT_SIGNATURE)),
+    **dict.fromkeys((".txt", ".m", ".md", ".h", ".st", ".py"), partial(_kind_of_signed, signature=_TEXT_SIGNATURE)),
 }
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from robust._base.types import LinearSystem
-from robust.lti.lti import axis_points, poles, response, timebase, zeros
+from robust.lti.lti import axis_offset, axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
 _SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
@@ -49,9 +49,9 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
-    z, p, gain = _roots_and_gain(K)
+    z, p, gain = roots_and_gain(K)
     sections = _chain_sections(z, p, gain)
-    angles = _comparison_angles(np.concatenate([z, p]))
+    angles = comparison_angles(np.concatenate([z, p]))
     wanted = response(K, angles / dt)
     error = np.abs(_chain_response(sections, angles) - wanted) / np.maximum(np.abs(wanted), 1e-300)
     wrong = error / np.where(angles < _SLOW_ANGLE, _SLOW_RESPONSE_TOLERANCE, _RESPONSE_TOLERANCE)
@@ -78,9 +78,12 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
         return {}
 
 
-def _comparison_angles(roots: np.ndarray) -> np.ndarray:
-    """Return angles (W,) of a sample [rad] for the comparison of two systems: down to the slowest root."""
-    away = np.abs(roots - 1)
+def comparison_angles(offsets: np.ndarray) -> np.ndarray:
+    """Return angles (W,) of a sample [rad] for the comparison of two systems: down to the slowest root.
+
+    offsets : roots minus one.
+    """
+    away = np.abs(offsets)
     slowest = np.min(away[away > 1e-12], initial=_SLOW_ANGLE)
     return np.concatenate(
         [np.geomspace(0.1 * slowest, _SLOW_ANGLE, 60, endpoint=False), np.geomspace(_SLOW_ANGLE, 0.99 * np.pi, 60)]
@@ -97,33 +100,45 @@ def _chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.asarray(np.prod(top / bottom, axis=0))
 
 
-def _pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """Pair roots, the slowest real one with the fastest: two at z = 1 would cancel twice in one section."""
-    pairs, rest = pair_roots(roots)
-    alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
+def _pair_slow_with_fast(offsets: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+    """Pair roots minus one, the slowest real one with the fastest: two at z = 1 would cancel twice in one section."""
+    pairs, rest = pair_roots(offsets)
+    alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=abs)
     pairs = [pair for pair in pairs if pair[0].imag != 0]
     half = len(alone) // 2
     pairs += list(zip(alone[:half], alone[::-1][:half], strict=True))
     return pairs, alone[half : len(alone) - half]
 
 
-def _polynomial_coefficients(roots: tuple[complex, ...]) -> np.ndarray:
+def _polynomial_coefficients(offsets: tuple[complex, ...]) -> np.ndarray:
     """Return coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
+    roots = np.array(offsets) + 1
     if len(roots) < 2:
         return np.poly(roots).real
     last = 1 + np.prod(roots).real  # a number whose last digit both coefficients have
-    at_one = np.prod([1 - r for r in roots]).real
+    at_one = np.prod(offsets).real
     return np.array([1.0, at_one - last, last - 1])
 
 
 def _chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
-    """Return (n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
+    """Return (n, 6) sections in z^-1 for the roots minus one."""
+    rows = []
+    for mine, group in group_roots(z, p):
+        top = np.concatenate([np.zeros(len(group) - len(mine)), _polynomial_coefficients(mine) if mine else [1.0]])
+        rows.append([*top, *np.zeros(3 - top.size), *_polynomial_coefficients(group), *np.zeros(2 - len(group))])
+    sections = np.array(rows or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+    sections[0, :3] *= gain
+    return sections
+
+
+def group_roots(z: np.ndarray, p: np.ndarray) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
+    """Return zeros and poles of each section, all minus one: poles nearest the circle last, zeros nearest to them."""
     pole_pairs, pole_rest = _pair_slow_with_fast(p)
     zero_pairs, zero_rest = _pair_slow_with_fast(z)
     groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
     free: list[tuple[complex, ...]] = [*zero_pairs, *((r,) for r in zero_rest)]
-    rows = []
-    for group in sorted(groups, key=lambda g: abs(abs(g[0]) - 1)):
+    sections = []
+    for group in sorted(groups, key=lambda g: abs(abs(g[0] + 1) - 1)):
         mine: tuple[complex, ...] = ()
         fitting = [zs for zs in free if len(zs) <= len(group)]
         # pairs of zeros must all find a pair of poles
@@ -132,25 +147,23 @@ def _chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
         if fitting:
             mine = min(fitting, key=lambda zs: abs(zs[0] - group[0]))
             free.remove(mine)
-        top = np.concatenate([np.zeros(len(group) - len(mine)), _polynomial_coefficients(mine) if mine else [1.0]])
-        rows.append([*top, *np.zeros(3 - top.size), *_polynomial_coefficients(group), *np.zeros(2 - len(group))])
-    rows = rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]
-    sections = np.array(rows)
-    sections[0, :3] *= gain
-    return sections
+        sections.append((mine, group))
+    return sections[::-1]
 
 
-def _roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
+def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small.
+
+    The roots of a sampled system are returned minus one: slow ones are then small numbers with digits of their own.
+    """
     dt = timebase(system)
-    # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
     shifted = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
-    z, p = (order_roots(roots(shifted) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
-    size = np.concatenate([np.abs(np.log(r[r != 0].astype(complex)) / dt if dt else r) for r in (z, p)])
+    z, p = (order_roots(roots(shifted)) for roots in (zeros, poles))
+    size = np.concatenate([np.abs(np.log1p(r[r != -1].astype(complex)) / dt if dt else r) for r in (z, p)])
     centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
     omega = centre * np.geomspace(0.1, 10, 21)
     omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
-    s = axis_points(omega, dt)
+    s = axis_offset(omega, dt)
     ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
     return z, p, float(np.median(ratio.real))
 
@@ -160,10 +173,11 @@ def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
 
     A numerator and denominator of order n with all roots beside z = 1 lose n times the digits that lie between.
     """
-    z, p, gain = _roots_and_gain(system)
+    z, p, gain = roots_and_gain(system)
     dt = timebase(system)
-    num, den = gain * np.atleast_1d(np.poly(z)).real, np.atleast_1d(np.poly(p)).real
-    size = np.abs(np.concatenate([z - 1, p - 1]) if dt else np.concatenate([z, p]))
+    one = 1.0 if dt else 0.0
+    num, den = gain * np.atleast_1d(np.poly(z + one)).real, np.atleast_1d(np.poly(p + one)).real
+    size = np.abs(np.concatenate([z, p]))
     size = size[size > 1e-12] / (dt or 1.0)
     ends = (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
     omega = np.geomspace(ends[0], min(ends[1], 0.99 * np.pi / dt) if dt else ends[1], 120)

@@ -40,6 +40,7 @@ COMMANDS = (
     "robust orders bla.npz --picture {}",
     "robust servo check rec.npz gains.toml -o {}",
     "robust export Kc.json -o {}",
+    "robust export soft.json -o soft.h --rounded {}",
     "robust report model.json Kc.json --bla bla.npz --record rec.npz -o {}",
     "robust shape model.json --controller Kc.json -o {}",
 )
@@ -129,7 +130,7 @@ def test_every_command_that_writes_is_here():
         for parameter in command.params
         if parameter.name in OUTPUT_PARAMETERS
     }
-    options = {"out": "-o {}", "picture": "--picture {}"}
+    options = {"out": "-o {}", "picture": "--picture {}", "rounded": "--rounded {}"}
     tried = {
         f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'servo') else 2])} {name}"
         for command in COMMANDS
@@ -142,7 +143,7 @@ def test_every_command_that_writes_is_here():
         for module in (measuring, controlling)
         for _, command in commands_of(get_command(module.app))
         for parameter in command.params
-        if "out" in parameter.name or "picture" in parameter.name
+        if any(word in parameter.name for word in ("out", "picture", "rounded"))
     } - {"output"}
     assert paths == set(OUTPUT_PARAMETERS)  # what writes under another name would be taken for an input
 

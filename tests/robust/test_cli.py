@@ -52,6 +52,9 @@ def test_the_whole_way(robust_command, tmp_path):
         ("export m.json -o m.mat", "wrote m.mat"),
         ("export K.json -o K.mat", "wrote K.mat"),
         ("export K.json -o K.csv", "wrote K.csv"),
+        ("export K.json -o K.h --limit -2 --limit 3 --rounded Kr.json", "limit: u from -2 to 3"),
+        ("check m.json Kr.json --delay 0.001", "STATISTICALLY ROBUST"),
+        ("export K.json -o K.st --dtype float32", "coefficients in float32"),
         (
             "model bla.npz bla2.npz --poles 2 --zeros 0 --form additive --simultaneous --above flat -o f.json",
             "additive",
@@ -227,8 +230,11 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("design m.json --method lqg -o K2.json", "method must be one of"),
         ("design m.json --method PID --structure PIDD -o K2.json", "structure must be one of"),
         ("design bla.npz --method pid --bandwidth 9000 -o K2.json", "--bandwidth must lie within the lines, "),
-        ("export m.json -o m.xyz", "out must end in .mat or .csv"),
+        ("export m.json -o m.xyz", "out must end in .mat, .csv, .h, .st or .py"),
         ("export m.json -o m.csv", "path must hold a controller"),
+        ("export m.json -o m.h", "path must hold a controller"),
+        ("export K.json -o K.mat --limit 3", "--dtype, --limit and --rounded must be left out but for .h and .st"),
+        ("export K.json -o K.h --dtype half", "dtype must be one of 'float32', 'float64', got 'half'"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_two(robust_command, command, message, tmp_path):

@@ -1,0 +1,289 @@
+"""A sampled controller as a C header or as a function block in structured text: the same statements in both."""
+
+from __future__ import annotations
+
+import re
+from textwrap import wrap
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import inverse_unit, one_line, require_kind
+from nlfrf._base.files import command_signature, to_path, write_text
+from robust._base.types import Controller
+from robust.io.models import PathLike
+from robust.io.rounded import RoundedController, Statement, round_controller
+
+_WIDTH = 100
+_TYPES = {".h": {"float32": "float", "float64": "double"}, ".st": {"float32": "REAL", "float64": "LREAL"}}
+
+
+def export_c(
+    K: Controller, path: PathLike, *, dtype: str = "float32", limit: object = None, unit: str = ""
+) -> RoundedController:
+    """Write a sampled controller of one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
+
+    When a controller is to run on a microcontroller. The coefficients are rounded to the numbers of the target. Check
+    the controller that comes back: it is the one that runs.
+
+    Parameters
+    ----------
+    K : control.StateSpace or TransferFunction
+        Discrete controller of one input and one output.
+    path : path
+        The ``.h`` file. Its name is that of the struct and the two functions.
+    dtype : str
+        "float32" or "float64", in which the target computes.
+    limit : float or (2,) sequence, optional
+        Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a limited u
+        (anti-windup by back-calculation), and so does a lag that makes most of the gain at zero frequency.
+    unit : str
+        Unit of the plant, y over u, as `UncertaintyModel.origin` has it; for the comment.
+
+    Returns
+    -------
+    RoundedController
+        Its `K` is the controller that the rounded coefficients are. Printed, it shows the bounds of rounding.
+
+    Raises
+    ------
+    ValueError
+        A continuous controller, one for several channels, one with two integrators and a limit, one whose sections do
+        not reproduce its response to 0.1 %, coefficients beyond the range of `dtype`; a path that does not end in .h.
+
+    Warns
+    -----
+    DesignWarning
+        Rounding that changes |K| or moves u by more than 1 %.
+
+    References
+    ----------
+    ISO/IEC 9899:1999 (C99). Structure and bounds: see `RoundedController`.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> import control, robust
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> rounded = export_c(robust.shaping.pid(2.0, 3.0, dt=1e-3), os.path.join(folder.name, "pi.h"), limit=10.0)
+    >>> rounded.K.dt, bool(rounded.coefficient_error < 1e-7)
+    (0.001, True)
+    >>> folder.cleanup()
+    """
+    return _export(K, path, _C, dtype=dtype, limit=limit, unit=unit)
+
+
+def export_structured_text(
+    K: Controller, path: PathLike, *, dtype: str = "float64", limit: object = None, unit: str = ""
+) -> RoundedController:
+    """Write a sampled controller of one loop as a function block in structured text (IEC 61131-3).
+
+    When a controller is to run on a PLC; a P-PI cascade has `robust.servo.structured_text`. The statements are those of
+    `export_c`, in REAL or LREAL. The block has an input `reset`.
+
+    Parameters
+    ----------
+    K : control.StateSpace or TransferFunction
+        Discrete controller of one input and one output.
+    path : path
+        The ``.st`` file; the block is called FB_ and its name.
+    dtype : str
+        "float32" for REAL, "float64" for LREAL.
+    limit, unit
+        As for `export_c`.
+
+    Returns
+    -------
+    RoundedController
+        As from `export_c`.
+
+    Raises
+    ------
+    ValueError
+        As from `export_c`.
+
+    References
+    ----------
+    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured text).
+
+    Examples
+    --------
+    >>> import os, pathlib, tempfile
+    >>> import control
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = os.path.join(folder.name, "lead.st")
+    >>> _ = export_structured_text(control.tf([1, -0.5], [1, -0.9], 0.01), path)
+    >>> [row for row in pathlib.Path(path).read_text().splitlines() if "y1 :=" in row]
+    ['    y1 := e + s1;']
+    >>> folder.cleanup()
+    """
+    return _export(K, path, _STRUCTURED_TEXT, dtype=dtype, limit=limit, unit=unit)
+
+
+def literal(number: float, dtype: str = "float64") -> str:
+    """Return a number as C and structured text take it, exact to the bit.
+
+    >>> literal(5.0), literal(1e-5), literal(1e20), literal(0.1, "float32")
+    ('5.0', '1.0E-05', '1.0E+20', '0.1')
+    """
+    mantissa, _, exponent = str(np.dtype(dtype).type(number)).upper().partition("E")
+    mantissa = mantissa if "." in mantissa else f"{mantissa}.0"
+    return f"{mantissa}E{exponent}" if exponent else mantissa
+
+
+class _Language(NamedTuple):
+    """How a language writes numbers, names and statements; {} stands for each."""
+
+    suffix: str
+    types: dict[str, str]
+    numbers: dict[str, str]
+    state: str
+    declared: str  # of a state
+    cleared: str
+    local: str  # left side of a statement whose target is no state
+    assign: str
+    limits: tuple[str, str]
+    advice: str
+    template: str
+
+
+_C = _Language(
+    suffix=".h",
+    types={"float32": "float", "float64": "double"},
+    numbers={"float32": "{}f", "float64": "{}"},
+    state="k->{}",
+    declared="    TYPE {};",
+    cleared="    k->{} = 0;",
+    local="const TYPE {}",
+    assign=" = ",
+    limits=("if (u < {0}) u = {0};", "if (u > {0}) u = {0};"),
+    advice="Compile with -ffp-contract=off, and without -ffast-math, which would remove the compensation of sums.",
+    template="""/*
+COMMENT
+*/
+#ifndef NAME_H
+#define NAME_H
+
+#ifdef __FAST_MATH__
+#error "-ffast-math changes the order of operations, and removes the compensation of sums"
+#endif
+
+typedef struct {
+DECLARED
+} NAME_state;
+
+static inline void NAME_init(NAME_state *k)
+{
+    (void)k;
+CLEARED
+}
+
+static inline TYPE NAME_step(NAME_state *k, TYPE e)
+{
+    (void)k;
+BEFORE
+    TYPE u = v;
+AFTER
+    return u;
+}
+
+#endif
+""",
+)
+_STRUCTURED_TEXT = _Language(
+    suffix=".st",
+    types={"float32": "REAL", "float64": "LREAL"},
+    numbers={"float32": "REAL#{}", "float64": "LREAL#{}"},
+    state="{}",
+    declared="    {} : TYPE := 0.0;",
+    cleared="    {} := 0.0;",
+    local="{}",
+    assign=" := ",
+    limits=("IF u < {0} THEN u := {0}; END_IF;", "IF u > {0} THEN u := {0}; END_IF;"),
+    advice="Call it in a task of this period.",
+    template="""FUNCTION_BLOCK FB_NAME
+(*
+COMMENT
+*)
+VAR_INPUT
+    e : TYPE; (* r - y *)
+    reset : BOOL; (* start anew *)
+END_VAR
+VAR_OUTPUT
+    u : TYPE;
+END_VAR
+VAR
+DECLARED
+LOCALS
+END_VAR
+
+IF reset THEN
+CLEARED
+END_IF;
+BEFORE
+    u := v;
+AFTER
+END_FUNCTION_BLOCK
+""",
+)
+
+
+def _export(
+    K: Controller, path: PathLike, language: _Language, *, dtype: str, limit: object, unit: str
+) -> RoundedController:
+    """Round a controller, write it in a language, and return it."""
+    path = to_path(path)
+    if path.suffix.lower() != language.suffix:
+        raise ValueError(f"path must end in {language.suffix}, got {str(path)!r}")
+    require_kind("unit", unit, str)
+    rounded = round_controller(K, dtype=dtype, limit=limit)
+    units = f" K is in {one_line(inverse_unit(unit))}, u over e." if unit else ""
+    dt, kind = rounded.K.dt, language.types[dtype]
+    lines = [
+        f"{one_line(path.name)}: controller u = K e with e = r - y, one step every {dt:.12g} s ({1 / dt:.6g} Hz)."
+        f"{units} The time from the sample of y to u is the delay that 'robust check' is given.",
+        f"All arithmetic is in {kind} ({dtype}), in the order that is written. {language.advice}",
+        *rounded.facts,
+    ]
+    # what would end a comment, in either language
+    safe = [re.sub(r"(?<=\*)(?=[/)])|(?<=\()(?=\*)", " ", line) for line in lines]
+    rows = [row for line in safe for row in wrap(line, _WIDTH, subsequent_indent="  ")]
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    parts = _render_statements(rounded, language) | {
+        "COMMENT": "\n".join([*rows, command_signature("robust export")]),
+        "NAME": name if name[:1].isalpha() else f"K_{name}",
+        "TYPE": kind,
+    }
+    write_text(path, re.sub("|".join(parts), lambda found: parts[found[0]], language.template))
+    return rounded
+
+
+def _render_statements(rounded: RoundedController, language: _Language) -> dict[str, str]:
+    """Return the declarations and statements of a controller, by the place that they have in the template."""
+    states, kind = rounded.states, language.types[rounded.dtype]
+    targets = dict.fromkeys(row.target for row in (*rounded.before, *rounded.after))
+
+    def number(value: float) -> str:
+        return language.numbers[rounded.dtype].format(literal(value, rounded.dtype))
+
+    def term(value: float, name: str) -> str:
+        factor = "" if abs(value) == 1 else f"{number(abs(value))} * "
+        return ("- " if value < 0 else "+ ") + factor + (language.state if name in states else "{}").format(name)
+
+    def assign(row: Statement) -> str:
+        left = (language.state if row.target in states else language.local).format(row.target)
+        return f"    {left}{language.assign}{' '.join(term(*one) for one in row.terms).removeprefix('+ ')};"
+
+    clamps = [
+        "    " + clamp.format(f"-{number(-bound)}" if bound < 0 else number(bound))
+        for clamp, bound in zip(language.limits, rounded.limit, strict=True)
+        if np.isfinite(bound)
+    ]
+    rows = {
+        "DECLARED": [language.declared.format(name) for name in states or ["unused"]],
+        "LOCALS": [language.declared.format(name) for name in targets if name not in states],
+        "CLEARED": [language.cleared.format(name) for name in states],
+        "BEFORE": [assign(row) for row in rounded.before],
+        "AFTER": [*clamps, *(assign(row) for row in rounded.after)],
+    }
+    return {place: "\n".join(lines).replace("TYPE", kind) for place, lines in rows.items()}
