@@ -250,8 +250,8 @@ def write_shaping_page(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller to begin with; what is shaped is multiplied to it. When not given, a gain, with integrator and lead
-        where the plant asks for them, that makes |L| = 1 where the demand or the set ends.
+        Controller to begin with; what is shaped is multiplied to it. When not given, a gain, with integrator, lead and
+        roll-off where the plant asks for them, that makes |L| = 1 near the end of the demand or of the set.
     dt : float
         Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
     delay : float
