@@ -135,9 +135,13 @@ def save_axes(figure: Any, which: int, path: Path) -> None:
         other.set_visible(other is ax)
     if ax.get_legend() is not None:
         ax.get_legend().remove()
-    ax.set_position((0.18, 0.19, 0.78, 0.66))
-    title = textwrap.fill(ax.get_title(), CARD_LETTERS, max_lines=2, placeholder=" ...")
+    ax.set_position((0.2, 0.19, 0.76, 0.66))
+    title, label = (
+        textwrap.fill(text, letters, max_lines=2, placeholder=" ...")
+        for text, letters in ((ax.get_title(), CARD_LETTERS), (ax.get_ylabel(), CARD_LETTERS // 2))
+    )
     ax.set_title(title, fontsize="medium")
+    ax.set_ylabel(label)
     ax.tick_params(which="both", labelbottom=True, labelleft=True)
     figure.savefig(path, dpi=THUMBNAIL[0] / CARD_INCHES[0])
 

@@ -105,7 +105,7 @@ def test_the_letters_of_a_card_can_be_read(tmp_path):
         ax.loglog([1, 10, 1000], [1e-6, 1e-3, 1e-5], label="a curve")
         ax.set(
             xlabel="frequency [Hz]",
-            ylabel="magnitude [dB, m/N]",
+            ylabel="motion left, over the motion in the burst (at most one)",
             title="A title that is longer than a card is wide, by far, " + "and longer than two rows of it" * 2,
         )
         ax.legend()
