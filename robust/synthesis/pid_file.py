@@ -34,7 +34,7 @@ _LEAST_FILTER = 0.5  # samples: below that a sampled derivative rings
 
 
 @value
-class PidSettings:
+class _PidSettings:
     """A PID and its filters, one behind the other, as they run.
 
     Fields
@@ -66,7 +66,7 @@ class PidSettings:
         return K
 
 
-def load_pid(path: str | os.PathLike[str]) -> PidSettings:
+def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     """Read a PID with its filters from a TOML file.
 
     Parameters
@@ -107,7 +107,7 @@ def load_pid(path: str | os.PathLike[str]) -> PidSettings:
             DesignWarning,
             stacklevel=2,
         )
-    return PidSettings(
+    return _PidSettings(
         pid=pid,
         filters=read_filters(content.get("filters", []), dt),
         dt=dt,

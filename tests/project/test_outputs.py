@@ -41,6 +41,7 @@ COMMANDS = (
     "robust servo check rec.npz gains.toml -o {}",
     "robust export Kc.json -o {}",
     "robust export soft.json -o soft.h --rounded {}",
+    "robust reduce model.json Kc.json -o {}",
     "robust report model.json Kc.json --bla bla.npz --record rec.npz -o {}",
     "robust shape model.json --controller Kc.json -o {}",
 )

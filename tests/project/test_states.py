@@ -40,7 +40,7 @@ REVIEWED = {
     "nlfrf.io.readers.header:_parse_number": "a number in a file",
     "nlfrf.io.readers.layout:_first_lines": "the beginning of a file",
     "nlfrf.io.readers.twincat:_separate_by_tabs": "a file",
-    "nlfrf._base.values:_wrap_lines": "lines of what is printed, broken to fit a screen",
+    "nlfrf._base.values:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.arguments:format_paragraph": "the same",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
