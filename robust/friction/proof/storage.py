@@ -42,7 +42,7 @@ class Dissipation:
     jumps : (S, n, n) ndarray
         Duration of each flow [s], and the jump before it; none for a continuous loop.
     Q, N, R : (n, n), (n, m), (m, m) ndarray
-        Supply rate z'Qz + 2 z'Nd + d'Rd. The stored energy does not rise faster.
+        Supply rate z'Qz + 2 z'Nd + d'Rd: `stored` does not rise faster.
     stored : (n + E, n + E) ndarray
         The rest of the stored energy: a form in z and E more states (forces that rest).
     B_error : (n, m) ndarray
