@@ -120,6 +120,8 @@ class _OpenQuestion:
     description : str
         The number that shows it, and what to measure.
 
+    Examples
+    --------
     >>> question = _OpenQuestion(kind=Gap.EQUAL_LEVELS, description="levels of 1, 1, 1 N rms count as 1")
     >>> print(question)
     levels of 1, 1, 1 N rms count as 1
