@@ -249,7 +249,7 @@ FAULTS = [
         "u",
         "another design given",
         other_design,
-        r"design must be what was played, got a correlation of 0\.\d+",
+        r"design must be the one that was played, got a correlation of 0\.\d+",
         {"design": True},
     ),
     Fault(
@@ -295,7 +295,7 @@ FAULTS = [
         "both",
         "the files of y in another order than those of u",
         mixed_up,
-        r"that of realisation 0 follows u of realisation 1, .* are the files of both in one order",
+        r"that of realisation 0 follows u of realisation 1, .* are the files of both in the same order",
     ),
     Fault(
         "y",

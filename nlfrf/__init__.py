@@ -2,7 +2,7 @@
 
     multisine -> Record -> identify -> Bla
 
-`dir(nlfrf)` shows what most scripts need. The rest is in submodules, each of which is loaded when it is first used:
+`dir(nlfrf)` lists the names for most scripts. The rest is in submodules, each loaded at its first use:
 
     nlfrf.io          files: records, results, designs, inspection
     nlfrf.rig         simulated machines: the friction rig, the stage, the servo axis, a controller around them
@@ -12,7 +12,7 @@
     nlfrf.signals     grids of lines, multisines for several inputs
     nlfrf.plot        pictures
 
-Each public name stands in one place.
+Each public name is in one place.
 """
 
 import lazy_loader

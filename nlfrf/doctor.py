@@ -1,8 +1,8 @@
 """Check the installation: versions, names that import something else, linear algebra, compiled code, readers of files.
 
-A user's file with the name of a module hides it from every program that is run in its folder: `robust.py` hides our
-package, `control.py` one that we need, `random.py` one of Python's own. Only the standard library is imported at the
-top, so that this module works when any other is hidden.
+A file of the user with the name of a module hides it from every program run in its folder: `robust.py` hides our
+package, `control.py` a required one, `random.py` one of Python. Only the standard library is imported at the top, so
+that this module works when any other is hidden.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
 _REINSTALL_HINT = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
-_DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for those who work on the packages
+_DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for developers of the packages
 _OWN_PACKAGES = ("nlfrf", "robust")
-#: What we import by another name than that of its distribution.
+#: Imported packages whose name differs from that of their distribution.
 _IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
 
 
 def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[list[tuple[str, str, str]], list[str]]:
-    """List what is installed, and what is wrong with it.
+    """List the installed packages and the faults of the installation.
 
     Parameters
     ----------
     extra_of_file : callable, optional
-        The extra that a file needs to be read: files of the working folder are asked about.
+        Function that returns the extra needed to read a file; it is called for files of the working folder.
 
     Returns
     -------
     rows : list of (name, version, requirement)
-        This package, Python, then what the package needs; an optional package that is absent has version "".
+        This package, Python, then its requirements; an absent optional package has version "".
     faults : list of str
-        One line each, with the cure; none where all is well.
+        One line each, with the cure; empty without faults.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
     faults += find_hiding_files(folders)
     other = None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
     faults += [other] if other else []
-    if not faults:  # what follows imports the packages
+    if not faults:  # these checks import the packages
         faults = [*find_wrong_algebra(), *find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
     return rows, faults
 
@@ -76,8 +76,8 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
 def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     """Return a line for each file in a folder that hides a module that our packages need, with the cure.
 
-    Folders in which modules are installed, and that of our packages, hide nothing. Of Python's own modules only those
-    loaded by now count: a `test.py` hides one that nobody needs.
+    Folders with installed modules, and the folder of our packages, hide nothing. Modules of Python count only if they
+    are loaded by now: a `test.py` hides one that is not needed.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "control.py").write_text("gain = 3")
     ...     [line.replace(folder, "FOLDER") for line in find_hiding_files([Path(folder)])]
-    ["FOLDER/control.py hides the package 'control' from whatever is run in its folder: rename that file"]
+    ["FOLDER/control.py hides the package 'control' from every program run in its folder: rename that file"]
     """
     home = Path(__file__).resolve().parent.parent
     python = {name for name in sys.stdlib_module_names if name in sys.modules}
@@ -110,13 +110,13 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
                     "file" if place.suffix else "folder",
                 )
                 lines.append(
-                    f"{place} hides the {whose} {name!r} from whatever is run in its folder: rename that {what}"
+                    f"{place} hides the {whose} {name!r} from every program run in its folder: rename that {what}"
                 )
     return lines
 
 
 def _required_distributions() -> Iterator[str]:
-    """Yield the names of the required distributions; none where the module that reads them is hidden itself."""
+    """Yield the names of the required distributions; none if the module that reads them is hidden itself."""
     try:
         yield from (need.name for extra, need in _iterate_requirements() if not extra)
     except Exception:  # a foreign module of the same name may raise anything
@@ -124,21 +124,21 @@ def _required_distributions() -> Iterator[str]:
 
 
 def _is_installation(folder: Path) -> bool:
-    """Return whether a folder holds installed modules, or Python's own."""
+    """Return whether a folder contains installed modules, or those of Python."""
     paths = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
     known = folder in paths or folder.name in ("site-packages", "dist-packages", "lib-dynload")
     return known or any(folder.glob("*.dist-info"))
 
 
 def _iterate_requirements() -> Iterator[tuple[str, Requirement]]:
-    """Yield (extra, requirement) of the installed package, without the tools of its developers."""
+    """Yield (extra, requirement) of the installed package, without the tools for developers."""
     from importlib import metadata
 
     from packaging.requirements import Requirement
 
     try:
         own = metadata.distribution("nlfrf")
-    except metadata.PackageNotFoundError:  # run from a folder of files
+    except metadata.PackageNotFoundError:  # the packages are run from a folder
         return
     extras = ["", *(set(own.metadata.get_all("Provides-Extra") or []) - _DEVELOPER_EXTRAS)]
     always = set()
@@ -152,8 +152,8 @@ def _iterate_requirements() -> Iterator[tuple[str, Requirement]]:
 
 
 def installed_version(name: str) -> str:
-    """Return the version of a distribution, "" where there is none."""
-    from importlib import metadata  # which imports much of Python's own
+    """Return the version of a distribution, "" if it is not installed."""
+    from importlib import metadata  # a slow import
 
     try:
         return metadata.version(name)
@@ -162,9 +162,9 @@ def installed_version(name: str) -> str:
 
 
 def find_wrong_algebra(n: int = 256) -> list[str]:
-    """Return a line where NumPy's linear algebra computes wrong, as a library made for another processor does.
+    """Return a line if the linear algebra of NumPy is wrong, as with a library made for another processor.
 
-    Products of small whole numbers are exact in any order of the sums. Factorisations are held to their residual.
+    Products of small whole numbers are exact in any order of the sums. Factorisations are checked by their residual.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
     whole = np.random.default_rng(1).integers(-8, 9, (4, n, n))
     A, B, C, D = whole.astype(float)
     exact = whole[0] @ whole[1] - whole[2] @ whole[3], whole[0] @ whole[3] + whole[2] @ whole[1]  # without the library
-    H, M = A + A.T, A + 16 * n * np.eye(n)  # a symmetric matrix, and one that is regular
+    H, M = A + A.T, A + 16 * n * np.eye(n)  # a symmetric and a regular matrix
     found = {"products": (A + 1j * C) @ (B + 1j * D) - (exact[0] + 1j * exact[1])}
     try:
         left, sv, right = np.linalg.svd(B)
@@ -196,7 +196,7 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
 
 
 def find_cache_fault() -> list[str]:
-    """Return a line where numba may keep its compiled code nowhere, without which it refuses to compile."""
+    """Return a line if numba has no folder for its compiled code, without which it refuses to compile."""
     try:
         import_module("nlfrf.rig.kernels.leuven")
     except ModuleNotFoundError:  # numba is an extra
@@ -207,7 +207,7 @@ def find_cache_fault() -> list[str]:
 
 
 def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> list[str]:
-    """Return a line for each extra that the measurement files in a folder need and that is not installed."""
+    """Return a line for each missing extra that the measurement files in a folder need."""
     extras: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         if extra := extra_of_file(path):
@@ -222,17 +222,17 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
 
 
 def _find_name_conflict() -> str | None:
-    """Return why `import robust` does not give our package, with the cure; None where it does.
+    """Return the reason, with the cure, if `import robust` does not give our package; else None.
 
-    Another distribution has the same import name. Installed after ours it overwrites files without a warning; removed,
-    it deletes them; together with an editable checkout it comes first on the path.
+    Another distribution has the same import name. If it is installed after ours, it overwrites files without a warning.
+    If it is removed, it deletes them. With an editable checkout it comes first on the path.
 
     Examples
     --------
     >>> _find_name_conflict() is None
     True
     """
-    from importlib import metadata  # which imports much of Python's own
+    from importlib import metadata  # a slow import
 
     home = Path(__file__).resolve().parent.parent / "robust"
     spec = find_spec("robust")
@@ -242,19 +242,19 @@ def _find_name_conflict() -> str | None:
     others = [name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"]
     other = others[0] if others else "robust"
     if place is not None and place != home:
-        what = f"`import robust` must give the package beside nlfrf, got the one in {place}"
+        what = f"`import robust` must give the package next to nlfrf, got the one in {place}"
     elif others:
         what = (
             f"`import robust` must give our package, got files of the distribution {other} {installed_version(other)}"
         )
     else:
-        what = "`import robust` must give our package, got it with files gone or changed by another of the same name"
+        what = "`import robust` must give our package, got it with files removed or changed by another of this name"
     return f"{what}: {_REINSTALL_HINT.format(other=other)}"
 
 
 def _is_damaged(home: Path) -> bool:
-    """Return whether files of our `robust` are gone, or its first one is not what was installed."""
-    from importlib import metadata  # which imports much of Python's own
+    """Return whether files of our `robust` are missing, or its first one differs from the installed one."""
+    from importlib import metadata  # a slow import
 
     if not (home / "__init__.py").exists():
         return True
@@ -262,7 +262,7 @@ def _is_damaged(home: Path) -> bool:
         files = metadata.files("nlfrf") or []
     except metadata.PackageNotFoundError:
         files = []
-    ours = [file for file in files if file.parts[0] == "robust"]  # none of an editable checkout
+    ours = [file for file in files if file.parts[0] == "robust"]  # empty for an editable checkout
     if any(not Path(str(file.locate())).exists() for file in ours):
         return True
     first = next((file for file in ours if file.parts == ("robust", "__init__.py")), None)
@@ -284,7 +284,7 @@ def robust_command() -> None:
 
 
 def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: None) -> None:
-    """Run a command where `find_fault` finds none; where it breaks and a file hides a module from it, name the file."""
+    """Run a command if `find_fault` finds no fault; if it fails and a file hides a module from it, name the file."""
     try:
         found = find_fault()
         _exit_with_line(name, [found] if found else [])
@@ -295,13 +295,13 @@ def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: No
 
 
 def _hiding_files_on_path(*names: str) -> list[str]:
-    """Return the lines of `find_hiding_files` for the folders on Python's path, about some modules or all."""
+    """Return the lines of `find_hiding_files` for the folders on the path of Python, for some modules or all."""
     lines = find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
     return [line for line in lines if not names or any(repr(name) in line for name in names)]
 
 
 def _exit_with_line(name: str, lines: list[str]) -> None:
-    """End a command with the first line on standard error, where there is one."""
+    """End a command with the first line on standard error, if there is one."""
     if lines:
         sys.stderr.write(f"{name}: {lines[0]}\n")
         raise SystemExit(2)

@@ -1,6 +1,6 @@
-"""Friction laws: Coulomb, Dahl, LuGre, Leuven, generalised Maxwell slip, varying sliders, a law of the user's own.
+"""Friction laws: Coulomb, Dahl, LuGre, Leuven, generalised Maxwell slip, varying sliders, a law of the user.
 
-The public names of `nlfrf.rig.laws`, in one place.
+This module collects the public names of `nlfrf.rig.laws`.
 """
 
 from nlfrf.rig.laws.laws import (

@@ -1,6 +1,6 @@
 """Hysteresis with non-local memory: virgin curves, and the force they give along a path.
 
-The public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`, in one place.
+This module collects the public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`.
 """
 
 from nlfrf.rig.laws.curves import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh

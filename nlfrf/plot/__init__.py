@@ -1,9 +1,9 @@
-"""Pictures of signals and of what was identified. They compute nothing but units.
+"""Pictures of signals and of identified systems. They convert units and compute nothing else.
 
-    signals  one period, the harmonic grid, what was played and measured, what screening found
+    signals  one period, the harmonic grid, played and measured signals, faults found by screening
     bla      the BLA with its bound, its levels, a second opinion
-    matrix   a matrix of several inputs and outputs: entries, singular values, relative gains
-    look     colours and markers that they share
+    matrix   a matrix for several inputs and outputs: entries, singular values, relative gains
+    look     common colours and markers
 
 All of them can be imported from here: `from nlfrf.plot import plot_bla`.
 """

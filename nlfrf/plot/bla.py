@@ -27,9 +27,9 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, OVER_100, crop_rounding
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_BAND_ALPHA = 0.25  # of bounds that lie over one another
+_BAND_ALPHA = 0.25  # opacity of overlapping bounds
 _BEST = "best linear approximation"
-_LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
+_LINES = (".-", ".--", ".:")  # line styles of several BLAs, after all colours are used
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -39,13 +39,13 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     ----------
     bla : Bla
     confidence : float
-        Probability of the bound that is drawn.
+        Probability of the drawn bound.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Axes to draw on; by default a new figure.
     """
     _require_single(bla)
     ax = axes_or_new(ax)
-    known = bla.G != 0  # an even system leaves excited lines empty
+    known = bla.G != 0  # an even system has no output on excited lines
     U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
     for kind, f, amplitude in (
         ("odd", bla.levels.f_odd, bla.levels.odd),
@@ -89,9 +89,9 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     ----------
     bla : Bla
     confidence : float
-        Probability of the bound that is drawn.
+        Probability of the drawn bound.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to the two that are returned; a new figure when not given.
+        Axes that are replaced by the two returned ones; by default a new figure.
     """
     _require_single(bla)
     top, bottom = bode_axes(ax)
@@ -116,9 +116,9 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
 
 
 def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return (F,) unwrapped phase [deg] from the surest line of the lowest third, there -270 to 90 deg as of a lag.
+    """Return (F,) unwrapped phase [deg] from the most certain line of the lowest third, where it is -270 to 90 deg.
 
-    A first line without a phase would turn all others by whole turns.
+    Unwrapping from a first line without a valid phase could shift all others by whole turns.
 
     >>> _phase_from_surest(np.exp(1j * np.radians([100.0, -170.0, -190.0])), np.array([2.0, 0.1, 0.1]))
     array([-260., -170., -190.])
@@ -133,25 +133,25 @@ def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of several BLAs over one another, each with its bound, such as those of several levels.
+    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example of several levels.
 
     Parameters
     ----------
     blas : sequence of Bla
-        Of one unit.
+        BLAs with one unit.
     labels : sequence of str
-        What each is called.
+        Name of each.
     confidence : float
-        Probability of the bounds that are drawn.
+        Probability of the drawn bounds.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to the two that are returned; a new figure when not given.
+        Axes that are replaced by the two returned ones; by default a new figure.
     """
     if not isinstance(blas, list | tuple) or not blas:
         raise ValueError(f"blas must be a list of at least one Bla, got {short_form(blas)}")
     for bla in blas:
         _require_single(bla)
     if not isinstance(labels, list | tuple) or len(labels) != len(blas):
-        raise ValueError(f"labels must be a list of {len(blas)}, one a Bla, got {short_form(labels)}")
+        raise ValueError(f"labels must be a list of {len(blas)}, one per Bla, got {short_form(labels)}")
     top, bottom = bode_axes(ax)
     styles = cycle((color, line) for line in _LINES for color in COLOR_CYCLE)
     for bla, label, (color, line) in zip(blas, labels, styles, strict=False):
@@ -230,7 +230,7 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel=f"std of one FRF [dB, {opinion.unit or 'unit of y / u'}]",
-        title="Two readings of one level",
+        title="Two estimates of one level",
     )
     return finish_axes(ax)
 
@@ -242,10 +242,10 @@ def _describe_measurement(bla: Bla) -> str:
 
 
 def _require_single(bla: Bla) -> None:
-    """Refuse what is no `Bla` of one input and one output."""
+    """Refuse anything but a `Bla` with one input and one output."""
     require_kind("bla", bla, Bla)
     if not bla.is_single:
         raise ValueError(
-            f"bla must be of one input and output, got {bla.n_outputs} x {bla.n_inputs}: take plot_frm, "
+            f"bla must have one input and one output, got {bla.n_outputs} x {bla.n_inputs}: use plot_frm, "
             "plot_frm_bounds, or bla.entry(output, input)"
         )

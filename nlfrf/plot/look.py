@@ -1,4 +1,4 @@
-"""How every picture of this package looks: a colour and a marker a kind of line, what lies at rounding left out."""
+"""Common look of the pictures: a colour and a marker for each kind of line; rounding errors are left out."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from nlfrf._base.axes import add_note, to_decibel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# one colour a kind of line in every picture, distinct for colour-blind readers too
+# one colour per kind of line in every picture, distinct also for colour-blind readers
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
-COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions
-MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
-ROUNDING_DB = 120.0  # dB under the input; what lies lower is of no interest
-OVER_100 = "bound over 100 %: G may be 0"  # of a band without a lower edge
-_MAX_DEPTH_DB = 160.0  # dB under the output, or the FRF; the same
+COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # one per input or direction
+MARKER = {"excited": ".", "odd": "x", "even": "+"}  # also for pictures in grey
+ROUNDING_DB = 120.0  # dB under the input; lower values are rounding
+OVER_100 = "bound over 100 %: G may be 0"  # for a band without a lower edge
+_MAX_DEPTH_DB = 160.0  # dB under the output or the FRF; lower values are not shown
 
 
 def crop_rounding(ax: Axes, amplitude: np.ndarray) -> Axes:

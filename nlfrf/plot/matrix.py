@@ -1,4 +1,4 @@
-"""Pictures of a `Bla` of several channels: a matrix of axes, one an entry; singular values, relative gains."""
+"""Pictures of a `Bla` with several channels: one axes per entry; singular values, relative gains."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LEGEND_DB = 12.0  # dB above and below the curves
-_MAX_MARKED_LINES = 300  # lines that are drawn as points too
+_LEGEND_DB = 12.0  # [dB] free space above and below the curves
+_MAX_MARKED_LINES = 300  # most lines that are drawn with points
 _LINE_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the magnitude of every entry with its bound: a row of axes an output, a column an input.
+    """Draw the magnitude of every entry with its bound: one row of axes per output, one column per input.
 
     Parameters
     ----------
     frm : Bla
-        What was identified.
+        Identified matrix.
     confidence : float
-        Probability of the bound that is drawn.
+        Probability of the drawn bound.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to the matrix of axes that is returned; a new figure when not given.
+        Axes that are replaced by the returned matrix of axes; by default a new figure.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
 def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
     """Draw the radius of every entry: its own bound, that of the matrix, and standard deviations.
 
-    Arguments and result as in `plot_frm`. The bound of the matrix holds all entries at once, so its radius for one
+    Arguments and result as in `plot_frm`. The bound of the matrix holds for all entries together, so its radius for one
     entry is larger.
     """
     require_kind("frm", frm, Bla)
@@ -92,11 +92,11 @@ def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla",
     Parameters
     ----------
     frm : Bla
-        What was identified.
+        Identified matrix.
     confidence, of
         As in `singular_values`.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Axes to draw on; by default a new figure.
     """
     require_kind("frm", frm, Bla)
     ax = axes_or_new(ax)
@@ -148,5 +148,5 @@ def _expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
 
 
 def _smallest_nonzero(sizes: np.ndarray) -> float:
-    """Return the smallest size that is not zero [dB]."""
+    """Return the smallest nonzero size [dB]."""
     return float(to_decibel(np.min(sizes, initial=np.inf, where=sizes > 0)))

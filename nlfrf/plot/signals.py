@@ -19,18 +19,18 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
+_MAX_HARMONICS = 48  # harmonics of a grid that are shown, so that each is visible
 _INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
-#: Of what makes a span of samples no period, or not one like the others.
+#: Colours of the kinds of faults.
 _FAULT_COLORS = {
     Fault.SILENCE: COLOR["noise"],
     Fault.REST: COLOR["even"],
     Fault.LOST: COLOR["odd"],
     Fault.DIFFERENT: "#E69F00",
 }
-_MAX_NAMED = 3  # spans of one kind that the legend names
-_MAX_PERIODS = 200  # periods whose beginning is marked
-_LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
+_MAX_NAMED = 3  # spans of one kind in the legend
+_MAX_PERIODS = 200  # periods whose start is marked
+_LINE_OFFSET = 0.3  # [lines] distance between the markers of two inputs
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
@@ -64,7 +64,7 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     amplitudes = _labelled_amplitudes(ms)
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
     same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
-    more = f"; it goes on{same} up to {last}" if shown < last else ""
+    more = f"; it continues{same} up to {last}" if shown < last else ""
     for label, (size, color, offset) in amplitudes.items():
         here = mine & (size > 0)
         ax.vlines(ms.lines.excited[here] + offset, 0, size[here], color=color, lw=1.2)
@@ -87,14 +87,14 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.ndarray:
-    """Draw a whole record over time with what screening found in it: periods, silence, outliers, lost samples.
+    """Draw a whole record over time with the findings of screening: periods, silence, outliers, lost samples.
 
     Parameters
     ----------
     screened : ScreenedStreams
-        What `nlfrf inspect` found in a file.
+        Findings of screening, as for `nlfrf inspect`.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to the axes that are returned; a new figure when not given.
+        Axes that are replaced by the returned ones; by default a new figure.
 
     Returns
     -------
@@ -130,10 +130,10 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
 
 
 def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, float]]:
-    """Return amplitudes (F,) by label, each with a colour and an offset from the line: one for each input."""
+    """Return amplitudes (F,) by label, each with a colour and an offset from the line, for each input."""
     if ms.is_single:
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
-    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which differ by the mixing
+    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # mean over experiments, which differ with a mixing
     offset = _LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
     return {
         f"u{i + 1}": (sizes[i], _INPUT_COLORS[i % len(_INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)
@@ -141,7 +141,7 @@ def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, floa
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
-    """Draw every period of the first realisation over one another, in time.
+    """Draw all periods of the first realisation over one another, in time.
 
     Parameters
     ----------
@@ -149,13 +149,13 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     signal : str
         "u", "y" or "r".
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Axes to draw on; by default a new figure.
     """
     require_kind("record", record, Record)
     require_choice("signal", signal, ("u", "y", "r"))
     samples = getattr(record, signal)
     if samples is None:
-        raise ValueError(f"signal must be one that the record has, got {signal!r}")
+        raise ValueError(f"signal must be one of the record, got {signal!r}")
     ax, periods = axes_or_new(ax), samples[0]
     t = np.arange(record.n_samples) / record.fs
     for p, period in enumerate(periods):

@@ -197,7 +197,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         ("simulate run.npz", "path must hold a multisine or an experiment on a drive, got run.npz, which is a record"),
         ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
         ("identify run.npz --opinion", "opinion must be left out for several inputs, got it with run.npz"),
-        ("identify run.npz --input u", "of several: name its inputs in a list, or leave input out"),
+        ("identify run.npz --input u", "with several: name its inputs in a list, or leave input out"),
     ],
 )
 def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):

@@ -90,7 +90,7 @@ def test_ours_left_empty_by_its_removal(place):
     (place / "robust" / "__init__.py").unlink()
     code, _, err = said(place, ROBUST)
     assert code == 2
-    assert "files gone or changed" in err
+    assert "files removed or changed" in err
     assert "force-reinstall" in err
 
 
@@ -98,7 +98,7 @@ def test_a_package_of_the_name_that_comes_first_on_the_path(place):
     front = place.parents[2] / "robust"
     front.mkdir()
     (front / "__init__.py").write_text("")
-    line = f"{front} hides the package 'robust' from whatever is run in its folder: rename that folder"
+    line = f"{front} hides the package 'robust' from every program run in its folder: rename that folder"
     code, _, err = said(place, ROBUST)
     assert (code, err) == (2, f"robust: {line}\n")
     code, out, _ = said(place, DOCTOR)
@@ -122,7 +122,7 @@ def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(name, 
     folder.mkdir()
     (folder / f"{name}.py").write_text("gain = 3\n")
     python = place.parents[2] / "bin" / "python"
-    line = f"{folder / name}.py hides the {whose} from whatever is run in its folder: rename that file"
+    line = f"{folder / name}.py hides the {whose} from every program run in its folder: rename that file"
     script = tmp_path / "bin" / "nlfrf"
     script.parent.mkdir()
     script.write_text("from nlfrf.doctor import nlfrf_command; nlfrf_command()\n")

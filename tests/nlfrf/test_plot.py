@@ -24,7 +24,7 @@ def test_samples_are_drawn_period_by_period(ax):
     assert np.array_equal(last.get_ydata(), record.y[0, 1])
     assert first.get_xdata()[-1] == pytest.approx(127 / 128)
     assert "y: 2 periods over one another; without the mean: rms 2" in ax.get_title()
-    with pytest.raises(ValueError, match="signal must be one that the record has, got 'r'"):
+    with pytest.raises(ValueError, match="signal must be one of the record, got 'r'"):
         pictures.plot_samples(record, signal="r", ax=ax)
     with pytest.raises(ValueError, match="signal must be one of 'u', 'y', 'r'"):
         pictures.plot_samples(record, signal="force", ax=ax)
@@ -86,7 +86,7 @@ def test_several_blas_lie_over_one_another_with_their_bounds(ax):
     top, _ = pictures.plot_blas(8 * blas[:1], [f"level {k}" for k in range(8)])
     assert len({(line.get_color(), line.get_linestyle()) for line in top.get_lines()}) == 8
     plt.close(top.figure)
-    with pytest.raises(ValueError, match="labels must be a list of 2, one a Bla, got"):
+    with pytest.raises(ValueError, match="labels must be a list of 2, one per Bla, got"):
         pictures.plot_blas(blas, ["soft"])
 
 
@@ -135,7 +135,7 @@ def test_of_a_long_multisine_the_first_lines_are_seen_one_by_one(ax):
     start, end = ax.get_xlim()
     assert end - start <= 51
     assert all(line.get_xdata().size < 30 for line in ax.get_lines())
-    assert ax.get_xlabel() == f"harmonic of 0.25 Hz; it goes on like this up to {long.lines.excited[-1]}"
+    assert ax.get_xlabel() == f"harmonic of 0.25 Hz; it continues like this up to {long.lines.excited[-1]}"
 
 
 # A bound over 100 %: no lower edge, which a logarithmic axis cannot show

@@ -73,9 +73,9 @@ class Drive:
         "motor" or "load": the encoder that both loops read. "both": velocity of the motor, position of the load.
     velocity_lag : float
         Time constant of a low-pass on the velocity, the difference of two positions [s].
+    observer_frequency : float
         Natural frequency [Hz] of an observer instead of differences: a tracking loop of second order, critically
         damped, s/(s/omega + 1)^2. nan: differences.
-    velocity_feedforward : float
     velocity_feedforward : float
         Share of the velocity of the position set point that is fed to the velocity loop, 0 to 1; the presets of
         `nlfrf.servo_axis` have 1.

@@ -61,7 +61,7 @@ def test_a_gain_of_one_experiment_is_told(by, side, n_sets):
         name, size, way, number, _ = found[0].groups()
         if n_sets == 1:  # between sets the scatter shows it, and the bound is wide enough
             assert np.mean(np.abs(frm.G - sound.G) < frm.bound()) < 0.75
-        assert f"{side}{channel + 1} " in told[0].split(", by what")[0]  # where y2 is of u1 alone the two are one
+        assert f"{side}{channel + 1} " in told[0].split(", according to")[0]  # where y2 is of u1 alone the two are one
         assert abs(float(size) / abs(100 * by) - 1) < 0.55
         if name[0] != side:
             continue

@@ -144,7 +144,7 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
             r"G must be complex, got real numbers from -20.* to -0\.04.*np\.radians",
         ),
         (dict(std=1.0, G=np.abs(G)), r"G must be complex, .* which have no phase: .*magnitude \* np\.exp\(1j\*phase\)"),
-        (dict(std=1.0, G=np.full(F.size, 2)), r"G must be complex, .*G \+ 0j of a gain that turns no phase"),
+        (dict(std=1.0, G=np.full(F.size, 2)), r"G must be complex, .*G \+ 0j for a gain without phase"),
         (dict(coherence=1.0, n_averages=9), r"coherence must be below 1 on some lines, .*single average.*give std"),
         (dict(std=1.0, hold="zoh"), r"fs must be given if hold is .zoh."),
         (dict(std=object()), r"std must hold real numbers"),
@@ -164,20 +164,20 @@ def test_the_cures_of_real_numbers_give_the_frf():
 
 
 def test_a_complex_type_without_phases_is_warned_of():
-    with pytest.warns(nlfrf.DataWarning, match="G is real on every line and varies, as an FRF without its phase does"):
+    with pytest.warns(nlfrf.DataWarning, match="G is real on every line and varies, as if its phase were missing"):
         nlfrf.bla_from_frf(F, 20 * np.log10(np.abs(G)) + 0j, std=1.0)
 
 
 def test_a_coherence_that_was_rounded_to_one_leaves_a_variance():
     coherence = np.where(F > 30, 0.9, np.where(F > 10, 0.999, 1.0))
-    with pytest.warns(nlfrf.DataWarning, match=r"coherence of 1 on some lines is rounded.*0\.999 is taken"):
+    with pytest.warns(nlfrf.DataWarning, match=r"coherence of 1 on some lines is rounded.*0\.999 is used"):
         bla = nlfrf.bla_from_frf(F, G, coherence=coherence, n_averages=11)
     np.testing.assert_allclose(bla.var_total[0], 0.001 / 0.999 * np.abs(G[0]) ** 2 / 10)
 
 
 def test_a_factor_asks_for_the_unit_that_it_makes():
     bla = nlfrf.bla_from_frf(F, G, std=0.01, input_units=["N"], output_units=["m/s2"])
-    with pytest.raises(ValueError, match=r"output_unit must be given, .*unit of m/s2: output_unit=.m. where"):
+    with pytest.raises(ValueError, match=r"output_unit must be given, .*unit of m/s2: output_unit=.m. if"):
         bla.times(-1 / bla.omega**2)
     moved = bla.times(-1 / bla.omega**2, output_unit="m")
     assert moved.unit == "m/N"

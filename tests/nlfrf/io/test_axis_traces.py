@@ -238,7 +238,7 @@ def test_a_wrong_clock(run):
 
 
 def test_a_decimated_trace(run):
-    with pytest.warns(DataWarning, match="sampled at 1000 Hz and the drive at 4000 Hz: .* above 500 Hz is folded"):
+    with pytest.warns(DataWarning, match="sampled at 1000 Hz and the drive at 4000 Hz: .* above 500 Hz are folded"):
         records = run.read(rows=slice(None, None, 4))
     assert records[0].hold == "unknown"
     with pytest.raises(ValueError, match=r"fs must be above 492 Hz for lines up to 246 Hz, got 400 Hz"):
@@ -258,7 +258,7 @@ def test_a_trace_that_ends_too_early(run):
 
 
 def test_a_trace_that_begins_somewhere_else(at_rest, in_motion):
-    with pytest.raises(ValueError, match=r"or start say when it begins, got a force that is .* s late"):
+    with pytest.raises(ValueError, match=r"or start must give its begin, got a force that is .* s late"):
         at_rest.read(rows=slice(700, None))
     (late,) = at_rest.read(rows=slice(700, None), start=-700 / 4000)
     (whole,) = at_rest.read()

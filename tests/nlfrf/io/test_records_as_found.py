@@ -78,7 +78,7 @@ def test_one_period_of_our_own_multisine_is_one_period(names, nlfrf_command, tmp
     assert nlfrf_command(*shlex.split(found.command)[1:])[0] == 0
     code, _, err = nlfrf_command("identify", "run.csv", "--input", names[0], "--output", names[1], "-o", "b.npz")
     assert code == 2
-    assert f"give --period {N} where the record is one whole period" in err
+    assert f"give --period {N} if the record is one whole period" in err
     assert "--resample" not in err
 
 
@@ -125,7 +125,7 @@ def test_where_a_clock_varies_is_said(tmp_path):
         record = nlfrf.load_record(tmp_path / "run.csv", u="force", y="position", resample=True)
     np.testing.assert_allclose(record.u[0], U.reshape(3, N), atol=1e-6)
     with (
-        pytest.warns(nlfrf.DataWarning, match="fs was given and is used"),
+        pytest.warns(nlfrf.DataWarning, match="the given fs is used"),
         pytest.raises(ValueError, match="n_samples"),
     ):
         nlfrf.load_record(tmp_path / "run.csv", u="force", y="position", fs=FS)
@@ -169,7 +169,7 @@ def test_moments_are_clocks_by_their_type(tmp_path):
         assert nlfrf.load_record(tmp_path / name).fs == FS, name
 
 
-@pytest.mark.parametrize(("late", "said"), [(0.0, "were merged$"), (0.5, "y is 0.5 samples later than u, and G has")])
+@pytest.mark.parametrize(("late", "said"), [(0.0, "were merged$"), (0.5, "0.5 samples later than u, and G includes")])
 def test_channels_that_take_turns_are_merged(late, said, tmp_path):
     rows = [f"{t:.6f},{u:.9g},\n{t + late / FS:.6f},,{y:.9g}\n" for t, u, y in zip(T, U, Y, strict=True)]
     (tmp_path / "run.csv").write_text("time,u,y\n" + "".join(rows))

@@ -192,14 +192,14 @@ def test_a_zippered_record_takes_its_design(tmp_path):
     for found in (stored, measured):
         assert (found.r, found.hold) == (None, "zoh")
         np.testing.assert_allclose(nlfrf.identify(found).G, nlfrf.identify(record).G, rtol=1e-12)
-    with pytest.raises(ValueError, match="design must be what was played"):
+    with pytest.raises(ValueError, match="design must be the one that was played"):
         nlfrf.record_from_samples(*streams, fs=256, design=design(design="zippered", rng=2))
 
 
 def test_a_design_that_was_not_played_is_refused():
     ms = design(rms=1.0)
     u, y = streams(ms, seed=2)
-    with pytest.raises(ValueError, match="design must be what was played, got a correlation of"):
+    with pytest.raises(ValueError, match="design must be the one that was played, got a correlation of"):
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, rng=9))
     with pytest.raises(ValueError, match="design must have the inputs of the record, 2, got 3"):
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))

@@ -77,7 +77,9 @@ def test_the_design_lies_under_what_was_measured(played, tmp_path):
 def test_a_design_that_was_not_played_is_refused(played):
     _, _, us, ys = played
     other = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, rng=77)
-    with pytest.raises(ValueError, match=r"design must be what was played, got a correlation of 0\.\d+ with the input"):
+    with pytest.raises(
+        ValueError, match=r"design must be the one that was played, got a correlation of 0\.\d+ with the input"
+    ):
         record_from_samples(us, ys, fs=1024, design=other)
     with pytest.raises(ValueError, match=r"fs must make one period of the design, 1 s, a whole number of samples"):
         record_from_samples(us, ys, fs=1000.5, design=other)
