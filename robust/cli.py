@@ -585,7 +585,10 @@ def export(
         Path | None, typer.Option(help="Code: the controller with rounded coefficients, to check again (.json).")
     ] = None,
 ) -> None:
-    """Write a model or controller for MATLAB (.mat), or a discrete controller as code (.h, .st) or sections (.csv)."""
+    """Write a model or controller for MATLAB (.mat), a model for python-control (.py), or a controller as code.
+
+    Code of a sampled controller is C (.h), structured text (.st), or second-order sections (.csv).
+    """
     is_code = out.suffix in (".h", ".st")
     if not is_code and (dtype or limit or rounded):
         raise ValueError(f"--dtype, --limit and --rounded must be left out but for .h and .st, got {out}")
@@ -601,6 +604,8 @@ def export(
     elif out.suffix == ".mat":
         require_file_of(file, "robust-model", "robust-matrix-model", "robust-controller", "robust-mu-certificate")
         robust.io.export_matlab(robust.load(file), out)
+    elif out.suffix == ".py":
+        robust.io.export_python(models.load_model(file), out)
     elif out.suffix == ".csv":
         sections = robust.io.controller_sections(from_options.load_controller(file)[0])
         if isinstance(sections, tuple):

@@ -4,6 +4,7 @@ from .frd import bla_from_frd as bla_from_frd
 from .matlab import export_matlab as export_matlab
 from .pid import PidGains as PidGains
 from .pid import pid_gains as pid_gains
+from .python_script import export_python as export_python
 from .rounded import RoundedController as RoundedController
 from .target_code import export_c as export_c
 from .target_code import export_structured_text as export_structured_text

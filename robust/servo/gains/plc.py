@@ -12,6 +12,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
 from nlfrf.rig import Drive
+from robust.io.target_code import literal
 from robust.servo.gains.p_pi import velocity_section
 
 #: Words of IEC 61131-3 that no block can be named after.
@@ -108,7 +109,7 @@ def _declarations(settings: Drive, unit: str, factor: float) -> list[str]:
     rows += ["VAR_OUTPUT", f"    output : LREAL; (* set point of the current loop [{unit}] *)"]
     rows += ["    limited : BOOL; (* whether the output is at its limit *)", "END_VAR", "VAR CONSTANT"]
     for key, number, of in constants:
-        rows.append(f"    {key} : LREAL := {_literal(number)};{f' (* {of} *)' if of else ''}")
+        rows.append(f"    {key} : LREAL := {literal(number)};{f' (* {of} *)' if of else ''}")
     rows += ["END_VAR", "VAR", "    started : BOOL := FALSE;", "    countdown : INT := 0;"]
     return [*rows, *(f"    {state} : LREAL := 0.0;" for state in states), "END_VAR"]
 
@@ -172,14 +173,3 @@ def _section_statements(key: str) -> list[str]:
         f"{key}_s1 := {key}_b1 * {key}_in - {key}_a1 * {key}_out + {key}_s2;",
         f"{key}_s2 := {key}_b2 * {key}_in - {key}_a2 * {key}_out;",
     ]
-
-
-def _literal(number: float) -> str:
-    """Return a number as LREAL takes it, exact to the bit.
-
-    >>> _literal(5.0), _literal(1e-5), _literal(1e20)
-    ('5.0', '1.0E-05', '1.0E+20')
-    """
-    mantissa, _, exponent = repr(float(number)).upper().partition("E")
-    mantissa = mantissa if "." in mantissa else f"{mantissa}.0"
-    return f"{mantissa}E{exponent}" if exponent else mantissa
