@@ -1,6 +1,9 @@
 """Files: models, controllers, certificates, gains of controllers, MATLAB.
 
 biquads       second-order sections of a discrete controller, as it runs on its target
+rounded       a sampled controller in the numbers of its target, with bounds of the rounding
+target_code   the same as a C header or a function block in structured text
+python_script a model as a script for python-control
 certificates  what was proved, for someone else to prove again
 frd           an FRF of python-control as a `Bla`
 learning      learning filters as JSON
