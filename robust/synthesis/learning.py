@@ -241,7 +241,7 @@ class Learning:
             f"learns all up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
             f"factor per trial: at most {self.factor:.3g} for every linear plant of the set, {where}",
             "rule: the loop is robustly stable, so learning can contract exactly where the disc of J_p leaves zero out "
-            f"(of a multiplicative set where |w| < 1): {seen} up to {end}",
+            f"(of a multiplicative set where |w| < 1): up to {end}, {seen}",
             f"left of the error in the end: nothing up to {top}; elsewhere {most}",
             "assumed: trials begin at the same state and repeat, noise apart, and have no end; let a trial run on at "
             f"rest for {_END * self.settling:.2g} s, in which the learned input comes to be held",
