@@ -195,7 +195,8 @@ def main() -> None:
         reached, trials = (np.array([one[name] for one in of]) for name in ("reached", "trials"))
         print(
             f"  {form}: {len(of)} loops; reached {np.median(reached):.3f} of the factor (median), {reached.min():.3f} "
-            f"(least); trials with an end {np.nanmedian(trials):.3f} (median), {np.nanmax(trials):.3f} (most) of it, above in "
+            f"(least); "
+            f"trials with an end {np.nanmedian(trials):.3f} (median), {np.nanmax(trials):.3f} (most) of it, above in "
             f"{np.count_nonzero(trials > 1)} of {np.count_nonzero(np.isfinite(trials))}"
         )
 

@@ -36,7 +36,7 @@ from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.proofs.exact.learning import LearningClaim, prove_learning
 
-SET, NOMINAL = "set", "nominal"
+_SET, _NOMINAL = "set", "nominal"
 _TIME_CAP = 20.0  # processor time [s] for the proof
 _BELOW = 3e-3  # relative, by which the factor on the grid stays below the level that is proved
 _PADDED = 3  # times the length of a trial, over which filters without phase run
@@ -106,8 +106,8 @@ class Learning:
         if not isinstance(self.L, str):
             self.__dict__["L"] = L = state_space("L", self.L)
             require_sampling_time("L", L, reference="the loop", wanted=loop.dt)
-        elif self.L not in (SET, NOMINAL):
-            raise ValueError(f'L must be "{SET}", "{NOMINAL}" or a system, got {short_form(self.L)}')
+        elif self.L not in (_SET, _NOMINAL):
+            raise ValueError(f'L must be "{_SET}", "{_NOMINAL}" or a system, got {short_form(self.L)}')
 
     @cached_property
     def loop(self) -> Loop:
@@ -143,7 +143,7 @@ class Learning:
         """Return the response (W,) of L."""
         if not isinstance(self.L, str):
             return response(self.L, omega)
-        if self.L == NOMINAL:
+        if self.L == _NOMINAL:
             curves = self.loop.curves(omega)
             return 1 / (replace_infinite(curves.G) * curves.S)
         centre, radius = self.disc(omega)
@@ -235,7 +235,7 @@ class Learning:
         if not self.proved:
             where = f"{seen}, not proved between them: {self.reason}"
         most = "no more than without learning"  # (1 - Q)/(1 - Q f) with f <= 1
-        if self.L != SET:
+        if self.L != _SET:
             most = f"at most {self.left(omega).max():.3g} of that without learning, {seen}"
         lines = [
             f"learns all up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
@@ -257,7 +257,7 @@ def design_learning(
     K: Controller,
     *,
     factor: float = 0.8,
-    L: str | LinearSystem = SET,
+    L: str | LinearSystem = _SET,
     omega_Q: float | None = None,
     delay: float = 0.0,
     u_max: float = np.inf,
@@ -338,7 +338,7 @@ def design_learning(
         raise ValueError(
             f"omega_Q must leave a factor below 1 per trial, got one of {largest:.3g} at {format_hertz(where)}"
         )
-    if L != SET:
+    if L != _SET:
         reason = 'only L "set" has a proof'
     elif not report.proofs.robustly_stable:
         reason = f"robust stability is not proved: {report.reason}"
