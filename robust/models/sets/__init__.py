@@ -2,7 +2,7 @@
 
 coprime          normalised coprime factors of a plant, and the plants that other factors make
 block_weights    the smallest W_l and W_r that hold several matrices, at each frequency, by a convex program
-build            `uncertainty`: the set around a nominal, from records or from a radius of one's own
+build            `uncertainty`: the set around a nominal, from records or plants
 family           sets from families of plants of several channels, and `choose_form`
 forms            the forms of uncertainty, a row each: perturbed plant, sensitivity, discs of the loop
 interconnection  several uncertainties, joined by the names of their signals
@@ -13,5 +13,6 @@ model            `UncertaintyModel`: a nominal and the set around it, for any nu
 orders           how many poles a nominal takes: by what its set allows a loop, or by what the data show
 perturbations    Delta as a system, random or of a given value at a frequency, and the plant it makes
 radius           how large the set about a nominal (a model or an FRF) has to be on each line, and what it is made of
-records          what a set remembers of a record: its lines, FRF and scatter
+records          summary of a record that a set keeps: its lines, FRF and scatter
+single_family    sets of one channel that hold given plants
 """
