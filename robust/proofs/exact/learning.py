@@ -4,9 +4,9 @@ With J = G S from u to y, r the relative radius of the set (|w|, |w/G|, all alia
 
     x = r |S| / |1 - r^2 T*|       inverse forms: x = |b|
 
-is the least of |1 - F c| + |F| rho over F. It grows with r as long as r |T| < 1: an upper bound of r gives one of x.
-What is claimed, |Q| f(x) < level with f as in `LearningClaim`, is x < X on an interval with a largest |Q|, and that is
-a polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
+is the least of |1 - F c| + |F| rho over F. It grows with r as long as r |T| < 1, so an upper bound of r gives one of x.
+The claim |Q| f(x) < level, with f as in `LearningClaim`, is x < X on an interval with a largest |Q|. This is a
+polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from robust.proofs.exact.stability import claim_on_axis, squared_magnitudes
 from robust.proofs.exact.taylor_models import bisect_axis, compose_polynomial, lower_bound, sampled_terms
 
 _BITS = (192, 320, 640)
-_ROUNDING = 1e-9  # of a level: what Q and X may be off by, which are doubles
+_ROUNDING = 1e-9  # of a level: error bound of Q and X, which are doubles
 
 
 @value
 class LearningClaim:
-    """What is claimed of a learning filter around a sampled loop.
+    """A claim on a learning filter around a sampled loop.
 
     Fields
     ------
@@ -43,7 +43,7 @@ class LearningClaim:
         x up to which L = 1/(J c). From there to x = 1 it fades, so that the factor without Q is f(x) = x up to `full`,
         then 1 - (1 - x)^2/(1 - full).
     level : float
-        What |Q| f(x) stays below, less than one.
+        Upper bound of |Q| f(x); less than one.
     """
 
     loop: LoopClaim
@@ -62,7 +62,7 @@ class LearningClaim:
 
 
 def prove_learning(claim: LearningClaim, *, time_cap: float) -> Decision:
-    """Prove a claim at every frequency up to Nyquist, from the matrices as they are given; of no coprime factors."""
+    """Prove a claim at every frequency up to Nyquist, from the given matrices; coprime factors have no such proof."""
     deadline = time.thread_time() + time_cap
     decision = undecided("the coprime form has no such proof")
     for bits in () if "M" in claim.loop.reads else _BITS:
@@ -74,7 +74,7 @@ def prove_learning(claim: LearningClaim, *, time_cap: float) -> Decision:
 
 
 def _decide(claim: LearningClaim, deadline: float) -> Decision:
-    """Decide the claim at the precision of the moment."""
+    """Decide the claim at the current precision."""
     loop = claim.loop
     axis = claim_on_axis(loop)
     found = squared_magnitudes(axis)
@@ -104,7 +104,7 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
 
 
 def _inequalities(reads: tuple[str, ...], inverse: bool, *, t: Terms, square: arb) -> list[Quantity]:
-    """Return what is positive where r |T| < 1 (|b| < 1) and x^2 < X^2 = square."""
+    """Return expressions that are positive if r |T| < 1 (|b| < 1) and x^2 < X^2 = square."""
     N, D = t.G_num * t.K_num, t.G_den * t.K_den
     if inverse:
         channel = t.w_num * (t.G_num if "G" in reads else t.G_den) * t.K_den
@@ -119,9 +119,9 @@ def _inequalities(reads: tuple[str, ...], inverse: bool, *, t: Terms, square: ar
 
 
 def _with_aliases(aliases: AliasBounds, t: Terms, *, low: arb, high: arb) -> list[tuple[tuple[str, ...], Terms]]:
-    """Return the terms on an interval with an upper bound of the squared radius, all aliases in it, for |w|^2.
+    """Return the terms on an interval with an upper bound of the squared radius, with all aliases, for |w|^2.
 
-    Once as a radius R = |h_0 F| + rest about G_d, once relative to |G_d|, of which |h_0 G| is at most 1/(1 - share).
+    The radius is given twice: R = |h_0 F| + rest about G_d, and relative to |G_d|, with |h_0 G| <= |G_d|/(1 - share).
     """
     sums, w = aliases.sums(low, high), aliases.w.upper(low, high)
     half = high * aliases.dt / 2
