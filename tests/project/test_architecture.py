@@ -3,12 +3,12 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.support.sources import ROOT, modules
 
 #: Package -> the packages that its modules may import from; every module may import from `_base`.
 ARROWS = {
@@ -85,21 +85,11 @@ HEAVY = {
 ALWAYS_LATE = set(HEAVY) - {"numba", "flint"}
 
 
-def parse_modules():
-    for package in ("nlfrf", "robust"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-            yield name, ast.parse(path.read_text())
-
-
-MODULES = dict(parse_modules())
-
-
 def each_module(rule):
     """Hold every module against a rule, in one test."""
 
     def test_every_module():
-        for name, tree in MODULES.items():
+        for name, tree in modules().items():
             rule(name, tree)
 
     test_every_module.__doc__ = rule.__doc__
@@ -118,8 +108,13 @@ def part_of(module):
     return package, names[2] if len(names) > 2 and names[2] in PARTS.get(package, ()) else "."
 
 
+@cache
 def imports(tree):
-    """(module, names, whether it runs on import) of every import in a file, inside functions too."""
+    """Return (module, names, whether it runs on import) of every import in a file, inside functions too."""
+    return list(_iterate_imports(tree))
+
+
+def _iterate_imports(tree):
     late = {node for function in ast.walk(tree) if isinstance(function, ast.FunctionDef) for node in ast.walk(function)}
     blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)]
     typing_only = {node for block in blocks for node in ast.walk(block)}
@@ -130,11 +125,11 @@ def imports(tree):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             names = [alias.name for alias in node.names]
-            modules = [f"{node.module}.{name}" for name in names]
-            for module in modules:
-                if module in MODULES:
+            full = [f"{node.module}.{name}" for name in names]
+            for module in full:
+                if module in modules():
                     yield module, [], node not in late and node not in typing_only
-            rest = [name for name, module in zip(names, modules, strict=True) if module not in MODULES]
+            rest = [name for name, module in zip(names, full, strict=True) if module not in modules()]
             if rest:
                 yield node.module, rest, node not in late and node not in typing_only
 
@@ -157,9 +152,9 @@ def defined(tree):
 
 
 def test_the_tables_name_every_package():
-    found = {package_of(name) for name in MODULES if name.count(".")} - (FACES - set(ARROWS))
+    found = {package_of(name) for name in modules() if name.count(".")} - (FACES - set(ARROWS))
     assert found == set(ARROWS)
-    assert set(MODULES) >= FACES
+    assert set(modules()) >= FACES
 
 
 @each_module
@@ -195,14 +190,14 @@ def test_arrows_run_one_way_between_parts(name, tree):
 
 
 def test_the_table_of_parts_names_every_folder():
-    folders = {name for name in MODULES if name.count(".") == 2 and (ROOT / name.replace(".", "/")).is_dir()}
+    folders = {name for name in modules() if name.count(".") == 2 and (ROOT / name.replace(".", "/")).is_dir()}
     assert folders == {f"{package}.{part}" for package, parts in PARTS.items() for part in parts if part != "."}
 
 
 def test_no_circle_inside_a_package():
     """Late imports count too: a circle is a circle whenever it closes."""
     below = {
-        name: {i for i, _, _ in imports(tree) if i in MODULES and i not in FACES} for name, tree in MODULES.items()
+        name: {i for i, _, _ in imports(tree) if i in modules() and i not in FACES} for name, tree in modules().items()
     }
     done = set()
     while True:
@@ -210,7 +205,7 @@ def test_no_circle_inside_a_package():
         if not free:
             break
         done |= free
-    assert set(MODULES) - done <= FACES
+    assert set(modules()) - done <= FACES
 
 
 def test_packages_stand_in_few_layers():
@@ -235,16 +230,16 @@ def test_no_package_is_called_like_a_public_name():
 @each_module
 def test_every_package_docstring_describes_its_modules(name, tree):
     """The `__init__` of a package says what each module holds, and has no code unless the package is public."""
-    modules = {
+    held = {
         other.split(".")[-1]
-        for other in MODULES
+        for other in modules()
         if other.startswith(f"{name}.") and other.count(".") == name.count(".") + 1
     }
-    if not (name.count(".") >= 1 and modules):
+    if not (name.count(".") >= 1 and held):
         return
     rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
     described = {row[0] for row in rows if len(row) == 2}
-    assert modules <= described, f"{name} does not say what {modules - described} holds"
+    assert held <= described, f"{name} does not say what {held - described} holds"
     assert name in FACES or len(tree.body) == 1 or is_lazy(tree), f"{name}: a package docstring stands alone"
 
 
@@ -252,15 +247,15 @@ def test_every_package_docstring_describes_its_modules(name, tree):
 def test_names_are_imported_from_the_module_that_defines_them(name, tree):
     """Not from one that imports them itself; and a name with an underscore in front stays in its module."""
     for imported, names, _ in imports(tree):
-        if imported in MODULES and names and imported not in FACES and not is_lazy(MODULES[imported]):
-            foreign = set(names) - defined(MODULES[imported])
+        if imported in modules() and names and imported not in FACES and not is_lazy(modules()[imported]):
+            foreign = set(names) - defined(modules()[imported])
             assert not foreign, f"{name} takes {foreign} from {imported}, which does not define it"
             private = {one for one in names if one.startswith("_")}
             assert not private, f"{name} takes {private} from {imported}, where they are private"
 
 
 def test_only_packages_and_faces_list_their_names():
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         lists = any("__all__" in ast.unparse(node) for node in tree.body if isinstance(node, ast.Assign))
         assert not lists or name in FACES or is_lazy(tree), f"{name} has __all__"
 
@@ -292,9 +287,10 @@ def test_import_loads_nothing_heavy(taken, unloaded):
 
 def test_robust_is_a_plain_module():
     """Also after every module was imported: a function of the face is never hidden by the module it is defined in."""
+    plain = sorted(name for name in modules() if name.startswith("robust") and not name.endswith("cli"))
     code = (
         "import importlib, types, robust\n"
-        f"for module in {sorted(name for name in MODULES if name.startswith('robust') and not name.endswith('cli'))}:\n"
+        f"for module in {plain}:\n"
         "    importlib.import_module(module)\n"
         "assert type(robust) is types.ModuleType\n"
         "print([name for name in robust.__all__ if isinstance(getattr(robust, name), types.ModuleType)])\n"
@@ -303,7 +299,7 @@ def test_robust_is_a_plain_module():
 
 
 def test_the_library_never_prints():
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         if not name.endswith(".cli"):
             calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
             assert not calls, f"{name} prints"
@@ -313,7 +309,7 @@ def test_forms_are_named_in_one_module():
     """A further form of uncertainty is one row of the table: no other module asks for a form by its name."""
     from robust.models.sets.forms import FORMS
 
-    for name, tree in MODULES.items():
+    for name, tree in modules().items():
         if name != "robust.models.sets.forms":
             named = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and n.value in tuple(FORMS)}
             assert not named, f"{name} asks for {named}"

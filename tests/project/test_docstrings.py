@@ -5,12 +5,10 @@ import dataclasses
 import inspect
 import re
 from enum import Enum
-from pathlib import Path
 
 from docs.api import pictures, things
 from tests.support.rules import each
-
-ROOT = Path(__file__).parents[2]
+from tests.support.sources import ROOT, modules
 
 #: Code of a function that refuses an argument; one that has none needs no "Raises".
 REFUSES = re.compile(r"\braise\b|\b(?:require|check)_\w+\(")
@@ -68,10 +66,13 @@ def entries(text):
     return found
 
 
-ALL = [(f"{module}.{name}", thing) for module, name, thing in things()]
+def named(found):
+    """Yield (dotted name, thing) of each public thing."""
+    for module, name, thing in found:
+        yield f"{module}.{name}", thing
 
 
-@each(ALL)
+@each(lambda: named(things()))
 def test_docstring(name, thing):
     found = sections(thing)
     summary = found[""].split("\n\n")[0].split("\n>>>")[0].rstrip()
@@ -104,17 +105,16 @@ def test_docstring(name, thing):
 
 def classes_with_fields():
     """Every value class of the packages that inherits no fields, with its module."""
-    for package in ("nlfrf", "robust"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if not isinstance(node, ast.ClassDef) or "Fields\n---" not in (ast.get_docstring(node) or ""):
-                    continue
-                has_fields = any(isinstance(one, ast.AnnAssign) for one in node.body)
-                if has_fields and all(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases):
-                    yield f"{path.relative_to(ROOT)}: {node.name}", node
+    for module, tree in modules().items():
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.ClassDef) or "Fields\n---" not in (ast.get_docstring(node) or ""):
+                continue
+            has_fields = any(isinstance(one, ast.AnnAssign) for one in node.body)
+            if has_fields and all(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases):
+                yield f"{module}: {node.name}", node
 
 
-@each(classes_with_fields())
+@each(classes_with_fields)
 def test_the_fields_that_are_documented_exist(name, node):
     """Names change, and docstrings of classes that nobody sees are left behind."""
     text = re.split(r"(?:^|\n)([A-Z][a-z]+)\n-{3,}\n", ast.get_docstring(node))
@@ -123,7 +123,7 @@ def test_the_fields_that_are_documented_exist(name, node):
     assert documented <= known, f"no field is called {sorted(documented - known)}"
 
 
-@each((f"{module}.{name}", thing) for module, name, thing in pictures())
+@each(lambda: named(pictures()))
 def test_pictures_document_their_arguments(name, thing):
     found = sections(thing)
     assert found[""].strip(), "no summary"

@@ -24,7 +24,7 @@ VERSIONS = os.environ.get("NLFRF_VERSIONS", "pinned")  # of nox
 FLOOR = re.fullmatch(r">=(\d+\.\d+)", PROJECT["requires-python"])
 
 
-@each((pin,) for pin in PINS)
+@each(lambda: ((pin,) for pin in PINS))
 def test_every_pin_serves_the_oldest_python(pin):
     """Requires-Python of what is installed, which is the pin itself, holds the first patch release of the floor."""
     oldest = f"{FLOOR[1]}.0"

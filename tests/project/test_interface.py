@@ -2,34 +2,30 @@
 
 import ast
 import re
-from pathlib import Path
+from functools import cache
 
-ROOT = Path(__file__).parents[2]
-PACKAGES = ("nlfrf", "robust")
+from tests.support.sources import PACKAGES, module_of, modules, parsed
+
 CLIENTS = ("tests", "benchmarks", "examples", "docs")
 
 
-def module_of(path):
-    """Return the dotted name of a file."""
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+def files():
+    """Return path -> tree of every file that may use a name: modules, their stubs and all clients."""
+    stubs = [parsed(package, "*.pyi") for package in PACKAGES]
+    return {path: tree for found in (*map(parsed, PACKAGES + CLIENTS), *stubs) for path, tree in found.items()}
 
 
-def parsed(folders, *patterns):
-    """Return the tree of every file of the folders, by its path."""
-    paths = [path for folder in folders for pattern in patterns for path in (ROOT / folder).rglob(pattern)]
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(paths)}
+@cache
+def paths():
+    """Return module -> path."""
+    return {module_of(path): path for package in PACKAGES for path in parsed(package)}
 
 
-INSIDE = parsed(PACKAGES, "*.py", "*.pyi")
-FILES = INSIDE | parsed(CLIENTS, "*.py")
-MODULES = {module_of(path): path for path in INSIDE if path.suffix == ".py"}
-
-
-def imported(path, tree):
+def imported(path, nodes):
     """Yield (module, name, alias) of each `from module import name` of a file; of `import module` the module alone."""
     own = module_of(path)
     package = own if path.stem == "__init__" else own.rpartition(".")[0]
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield "", alias.name, alias.asname or alias.name
@@ -52,13 +48,22 @@ LATE = (
 )
 
 
-def reached(tree, modules):
-    """Yield (module, name) of each attribute of a module; modules: alias -> module."""
-    for node in ast.walk(tree):
+def dotted(node):
+    """Return the dotted name of a chain of attributes; "" of anything else."""
+    names = []
+    while isinstance(node, ast.Attribute):
+        names.append(node.attr)
+        node = node.value
+    return ".".join([node.id, *reversed(names)]) if isinstance(node, ast.Name) else ""
+
+
+def reached(nodes, aliases):
+    """Yield (module, name) of each attribute of a module; aliases: alias -> module."""
+    for node in nodes:
         if isinstance(node, ast.Attribute):
-            head, _, rest = ast.unparse(node.value).partition(".")
-            base = modules.get(head, head) + (f".{rest}" if rest else "")
-            if base in MODULES:
+            head, _, rest = dotted(node.value).partition(".")
+            base = aliases.get(head, head) + (f".{rest}" if rest else "")
+            if base in modules():
                 yield base, node.attr
 
 
@@ -72,8 +77,13 @@ def is_command(node):
     return any(re.search(r"\.(command|callback)\b", ast.unparse(one)) for one in getattr(node, "decorator_list", []))
 
 
+@cache
 def top_level(tree):
-    """Yield functions, classes and constants of a module."""
+    """Return functions, classes and constants of a module."""
+    return list(_iterate_top_level(tree))
+
+
+def _iterate_top_level(tree):
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not is_command(node):
             yield node.name
@@ -83,43 +93,43 @@ def top_level(tree):
             yield from (name for name in leaves if name.strip("_").isupper() and len(name.strip("_")) > 1)
 
 
-DEFINED = {module: set(top_level(INSIDE[path])) for module, path in MODULES.items()}
+def named_late(text, nodes):
+    """Yield (module, name) of what a file may reach through a module whose name it does not import."""
+    if any(word in text for word in LATE):
+        words = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+        words |= set(re.findall(r"\w+", " ".join(node.value for node in nodes if is_text(node))))
+        for module, tree in modules().items():
+            yield from ((module, name) for name in top_level(tree) if name in words)
 
 
+@cache
 def uses():
     """Return (module, name) -> files that import a name of a module, reach it as an attribute, or name it in a text."""
     found = {}
-    for path, tree in FILES.items():
-        names = list(imported(path, tree))
-        joined = {alias: f"{base}.{name}".lstrip(".") for base, name, alias in names}
-        text = path.read_text(encoding="utf-8")
-        texts = re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)
-        late = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-        late |= set(re.findall(r"\w+", " ".join(leaf.value for leaf in ast.walk(tree) if is_text(leaf))))
-        late = late if any(word in text for word in LATE) else set()
-        found_late = [(module, name) for module in MODULES for name in late & DEFINED[module]]
-        pairs = [(base, name) for base, name, _ in names] + list(reached(tree, joined))
-        for pair in [*pairs, *found_late, *(tuple(text.rpartition(".")[::2]) for text in texts)]:
+    for path, tree in files().items():
+        text, nodes = path.read_text(encoding="utf-8"), list(ast.walk(tree))
+        names = list(imported(path, nodes))
+        aliases = {alias: f"{base}.{name}".lstrip(".") for base, name, alias in names}
+        pairs = {(base, name) for base, name, _ in names} | set(reached(nodes, aliases)) | set(named_late(text, nodes))
+        pairs |= {dots.rpartition(".")[::2] for dots in re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)}
+        for pair in pairs:
             found.setdefault(pair, set()).add(path)
     return found
-
-
-USES = uses()
 
 
 def test_a_name_without_underscore_is_used_outside_its_module():
     lonely = [
         f"{module}.{name}"
-        for module, path in MODULES.items()
+        for module, path in paths().items()
         if path.stem not in ("__init__", "__main__")
-        for name in top_level(INSIDE[path])
-        if not name.startswith("_") and not USES.get((module, name), set()) - {path}
+        for name in top_level(modules()[module])
+        if not name.startswith("_") and not uses().get((module, name), set()) - {path}
     ]
     assert not lonely, "an underscore for what no other file uses: " + ", ".join(lonely)
 
 
 def test_a_name_with_underscore_is_used_in_its_module_alone():
-    private = {(module, name) for module, path in MODULES.items() for name in top_level(INSIDE[path]) if name[0] == "_"}
-    known = {pair: USES.get(pair, set()) - {MODULES[pair[0]]} for pair in private}
-    taken = [f"{module}.{name} in {path.name}" for (module, name), paths in known.items() for path in paths]
+    private = {(module, name) for module, tree in modules().items() for name in top_level(tree) if name[0] == "_"}
+    known = {pair: uses().get(pair, set()) - {paths()[pair[0]]} for pair in private}
+    taken = [f"{module}.{name} in {path.name}" for (module, name), users in known.items() for path in users]
     assert not taken, "a name with an underscore is its module's own: " + ", ".join(taken)

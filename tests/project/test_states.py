@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from tests.project.test_architecture import MODULES
+from tests.support.sources import modules
 
 #: Names, attributes and functions that hold words for people.
 PROSE = {
@@ -69,7 +69,7 @@ def returns_words():
     """Functions of the packages that are said to return a text."""
     return {
         node.name
-        for tree in MODULES.values()
+        for tree in modules().values()
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef) and isinstance(node.returns, ast.Name) and node.returns.id == "str"
     }
@@ -116,7 +116,7 @@ def test_nothing_is_decided_by_the_words_of_a_sentence():
     words = returns_words()
     found = {
         f"{name}:{function}": f"{name}:{line}: {code}"
-        for name, tree in MODULES.items()
+        for name, tree in modules().items()
         for function, line, code in branches(tree, words)
     }
     assert not {place: code for place, code in found.items() if place not in REVIEWED}

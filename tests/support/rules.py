@@ -3,13 +3,15 @@
 from collections.abc import Callable, Iterable
 
 
-def each(cases: Iterable[tuple]) -> Callable[[Callable[..., None]], Callable[[], None]]:
-    """Make one test of a rule and its cases: it names every case that breaks the rule, by the first argument."""
-    cases = list(cases)
+def each(find: Callable[[], Iterable[tuple]]) -> Callable[[Callable[..., None]], Callable[[], None]]:
+    """Make one test of a rule and the cases that `find` returns: it names every case that breaks the rule.
+
+    A case is named by its first argument. The cases are found when the test runs, as every process collects all tests.
+    """
 
     def over(rule: Callable[..., None]) -> Callable[[], None]:
         def test_each() -> None:
-            faults = []
+            cases, faults = list(find()), []
             for case in cases:
                 try:
                     rule(*case)
