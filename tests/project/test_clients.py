@@ -17,7 +17,7 @@ from nlfrf.signals.multisine import multisine
 from robust import fit_nominal, load, save
 from robust.io import controller_sections, export_matlab
 from robust.lti.lti import response
-from tests.robust.io.test_export import BLA, MODELS
+from tests.robust.io.test_export import NAMES, bla, models
 
 CONTROLLERS = {
     "continuous": control.tf([1.0, 0.1, 1 / 3], [1, 0.7, 0.1]),
@@ -33,9 +33,9 @@ def validator(name):
     return jsonschema.Draft202012Validator(schema)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", NAMES)
 def test_models_are_what_their_schema_says(name, tmp_path):
-    save(MODELS[name], tmp_path / "m.json")
+    save(models()[name], tmp_path / "m.json")
     validator("robust-model").validate(json.loads((tmp_path / "m.json").read_text()))
 
 
@@ -58,7 +58,7 @@ def test_controllers_are_what_their_schema_says(name, tmp_path):
     ],
 )
 def test_the_schema_refuses_what_the_reader_refuses(damage, tmp_path):
-    save(MODELS["continuous"], tmp_path / "m.json")
+    save(models()["continuous"], tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text()) | damage
     assert list(validator("robust-model").iter_errors(content))
     if "surprise" not in damage:
@@ -68,15 +68,15 @@ def test_the_schema_refuses_what_the_reader_refuses(damage, tmp_path):
 
 
 def test_pandas_reads_the_tables(tmp_path):
-    export_csv(BLA, tmp_path / "bla.csv")
+    export_csv(bla(), tmp_path / "bla.csv")
     table = pandas.read_csv(tmp_path / "bla.csv")
     columns = {
-        "f [Hz]": BLA.f,
-        "Re G": BLA.G.real,
-        "Im G": BLA.G.imag,
-        "bound": BLA.bound(),
-        "bound_realization": BLA.bound(of="realization"),
-        "std_total": np.sqrt(BLA.var_total),
+        "f [Hz]": bla().f,
+        "Re G": bla().G.real,
+        "Im G": bla().G.imag,
+        "bound": bla().bound(),
+        "bound_realization": bla().bound(of="realization"),
+        "std_total": np.sqrt(bla().var_total),
     }
     for name, values in columns.items():
         assert table[name].to_numpy() == pytest.approx(values, rel=1e-12, abs=0), name
@@ -113,9 +113,9 @@ def octave(script, folder, package=""):
 
 
 def test_octave_reads_a_model_to_the_bit(tmp_path):
-    model = MODELS["continuous"]
+    model = models()["continuous"]
     export_matlab(model, tmp_path / "plant.mat")
-    export_matlab(MODELS["FRF"], tmp_path / "frf.mat")
+    export_matlab(models()["FRF"], tmp_path / "frf.mat")
     octave(
         """
         m = load('plant.mat').content; n = m.nominal; w = m.weight; f = load('frf.mat').content;
@@ -132,7 +132,7 @@ def test_octave_reads_a_model_to_the_bit(tmp_path):
     assert np.array_equal(back["answer"], model.at(model.omega))
     assert np.array_equal(back["radius"], model.radius)
     assert np.array_equal(back["A"], model.nominal.A)
-    assert np.array_equal(back["frf"], BLA.G)
+    assert np.array_equal(back["frf"], bla().G)
     assert back["form"] == model.form
     assert back["G"] == pytest.approx(model.at(model.omega), rel=1e-10)
     assert back["W"] == pytest.approx(np.abs(response(model.weight, model.omega)), rel=1e-8)
@@ -158,7 +158,7 @@ def test_octave_runs_the_loader_of_a_controller(tmp_path):
 
 
 def test_octave_runs_the_loader_of_a_model_up_to_the_uncertainty(tmp_path):
-    model = MODELS["continuous"]
+    model = models()["continuous"]
     export_matlab(model, tmp_path / "plant.mat")
     # Octave has no ultidyn: a gain of half stands for Delta, and the plant must be one of the set
     (tmp_path / "ultidyn.m").write_text("function D = ultidyn(name, size)\nD = 0.5;\nend\n")
@@ -177,7 +177,7 @@ def test_octave_runs_the_loader_of_a_model_up_to_the_uncertainty(tmp_path):
 
 
 def test_a_fit_survives_the_way_through_octave(tmp_path):
-    nominal = fit_nominal(BLA, n_poles=2, n_zeros=0).G
+    nominal = fit_nominal(bla(), n_poles=2, n_zeros=0).G
     export_matlab(control.ss(nominal), tmp_path / "G.mat")
     octave(
         """

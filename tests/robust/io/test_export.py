@@ -3,6 +3,7 @@
 import json
 import re
 from fractions import Fraction
+from functools import cache
 
 import control
 import numpy as np
@@ -27,16 +28,24 @@ def plant(s):
 
 
 SCATTER = {"f0": 0.3, "sigma_noise": 1e-3, "sigma_distortion": 0.01, "sigma_even": 2e-3}
-BLA = make_bla(plant, F, rng=0, **SCATTER)
-LATE = make_bla(lambda s: plant(s) * np.exp(-0.02 * s), F, rng=0, **SCATTER)
+
+
+@cache
+def bla():
+    return make_bla(plant, F, rng=0, **SCATTER)
+
+
+@cache
+def late_bla():
+    return make_bla(lambda s: plant(s) * np.exp(-0.02 * s), F, rng=0, **SCATTER)
 
 
 def some_models():
-    fit = fit_nominal(BLA, n_poles=2, n_zeros=0)
-    discrete = fit_nominal(LATE, n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
-    yield "continuous", uncertainty(BLA, fit, order=3)
-    yield "discrete with delay", uncertainty(LATE, discrete, form="additive", order=4, simultaneous=True)
-    yield "FRF", uncertainty(BLA, frd(BLA), order=4, below=10.0)
+    fit = fit_nominal(bla(), n_poles=2, n_zeros=0)
+    discrete = fit_nominal(late_bla(), n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
+    yield "continuous", uncertainty(bla(), fit, order=3)
+    yield "discrete with delay", uncertainty(late_bla(), discrete, form="additive", order=4, simultaneous=True)
+    yield "FRF", uncertainty(bla(), frd(bla()), order=4, below=10.0)
     yield (
         "made directly",
         UncertaintyModel(
@@ -51,7 +60,12 @@ def some_models():
     )
 
 
-MODELS = dict(some_models())
+@cache
+def models():
+    return dict(some_models())
+
+
+NAMES = ("continuous", "discrete with delay", "FRF", "made directly")
 
 
 def same(a, b):
@@ -68,9 +82,9 @@ def assert_same_system(a, b):
         assert all(same(getattr(a, m), getattr(b, m)) and getattr(a, m).shape == getattr(b, m).shape for m in "ABCD")
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_model_comes_back_to_the_bit(name, tmp_path):
-    model = MODELS[name]
+    model = models()[name]
     save(model, tmp_path / "m.json")
     back = load(tmp_path / "m.json")
     assert_same_system(back.nominal, model.nominal)
@@ -87,13 +101,13 @@ def test_a_model_comes_back_to_the_bit(name, tmp_path):
 
 
 def test_the_file_says_what_it_is(tmp_path):
-    save(MODELS["FRF"], tmp_path / "m.json")
+    save(models()["FRF"], tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())
     assert content["schema"] == "robust-model"
     assert content["version"] == 1
     assert content["units"]["omega"] == "rad/s"
     first = content["nominal"]["G"][0]
-    assert first == [BLA.G[0].real, BLA.G[0].imag]
+    assert first == [bla().G[0].real, bla().G[0].imag]
 
 
 @pytest.mark.parametrize(
@@ -145,7 +159,7 @@ def damaged(text):
 
 @pytest.mark.parametrize("case", range(14))
 def test_damaged_files_are_refused_in_one_line(case, tmp_path):
-    save(MODELS["continuous"], tmp_path / "m.json")
+    save(models()["continuous"], tmp_path / "m.json")
     _, text, message = list(damaged((tmp_path / "m.json").read_text()))[case]
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(ValueError, match=message) as refusal:
@@ -164,11 +178,11 @@ def test_binary_rubbish_and_missing_files(tmp_path):
 
 
 def test_nothing_is_left_of_a_file_that_could_not_be_written(tmp_path, monkeypatch):
-    save(MODELS["continuous"], tmp_path / "m.json")
+    save(models()["continuous"], tmp_path / "m.json")
     before = (tmp_path / "m.json").read_bytes()
     monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        save(MODELS["FRF"], tmp_path / "m.json")
+        save(models()["FRF"], tmp_path / "m.json")
     assert (tmp_path / "m.json").read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
 
@@ -258,9 +272,9 @@ def test_matlab_gets_polynomials_only_where_they_hold_the_system(dt, tmp_path):
         assert ratio == pytest.approx(response(K, omega), rel=1e-3)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", NAMES)
 def test_matlab_gets_plain_structs_to_the_bit(name, tmp_path):
-    model = MODELS[name]
+    model = models()[name]
     export_matlab(model, tmp_path / "my model.mat")
     content = loadmat(tmp_path / "my model.mat", squeeze_me=False, struct_as_record=False)["content"][0, 0]
     assert same(content.freq[:, 0], model.omega)

@@ -1,6 +1,7 @@
 """The report of several inputs and outputs: every number on the page stands in a value that was handed to it."""
 
 import re
+from functools import cache
 
 import control
 import numpy as np
@@ -30,10 +31,26 @@ def measured():
     return nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines, inputs=("Fx", "Fy"), outputs=("x", "y"))
 
 
-RECORD = measured()
-FRM = nlfrf.identify(RECORD, transient="none")
-FIT = robust.fit_nominal(FRM, n_poles=2, rank=2, dt=T)  # both axes have one mode
-MODEL = robust.uncertainty(FRM, FIT, form="additive", order=2)
+@cache
+def rig_record():
+    return measured()
+
+
+@cache
+def rig_frm():
+    return nlfrf.identify(rig_record(), transient="none")
+
+
+@cache
+def rig_fit():
+    return robust.fit_nominal(rig_frm(), n_poles=2, rank=2, dt=T)  # both axes have one mode
+
+
+@cache
+def rig_model():
+    return robust.uncertainty(rig_frm(), rig_fit(), form="additive", order=2)
+
+
 SMALL = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
 W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 
@@ -46,12 +63,19 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     monkeypatch.setattr(
         report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
-    report = robust.reports.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
-    again = robust.check(MODEL, K, w_P=w_P)
+    report = robust.reports.write_report(tmp_path / "r.html", rig_model(), K, bla=rig_frm(), nominal=rig_fit(), w_P=w_P)
+    again = robust.check(rig_model(), K, w_P=w_P)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
     text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
-    rows = [FRM, describe_directions(FRM), FIT, MODEL, again, *([again.channels] if again.channels else [])]
+    rows = [
+        rig_frm(),
+        describe_directions(rig_frm()),
+        rig_fit(),
+        rig_model(),
+        again,
+        *([again.channels] if again.channels else []),
+    ]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [
         again.reason,
@@ -59,15 +83,15 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
         again.not_proved,
         "; ".join(again.confidence),
         *again.conditions,
-        MODEL.origin.source,
-        MODEL.origin.extrapolation,
+        rig_model().origin.source,
+        rig_model().origin.extrapolation,
     ]
-    seen = robust.validate(MODEL, FRM)
+    seen = robust.validate(rig_model(), rig_frm())
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
     said += [format_margin_factor(again.margins.rs), *([again.channels.least()] if again.nominally_stable else [])]
     for c in again.proofs.certificates:
         said += [f"{c.subject} {c.level:g} yes {c.method}, {len(c.intervals)} interval", c.judged, c.reason]
-    for system in (MODEL.nominal, K):
+    for system in (rig_model().nominal, K):
         said.append(f"{system.nstates} states, sampled at 256 Hz")
         s = np.log(system.poles().astype(complex)) / T
         said += [
@@ -81,30 +105,30 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     assert [text[max(0, m.start() - 40) : m.end() + 20] for m in NUMBER.finditer(text)] == []
     assert report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
     assert report.verdict in text.lower()
-    for row in str(FRM).splitlines():
+    for row in str(rig_frm()).splitlines():
         assert " ".join(row.split()) in page.text
 
 
 def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
-    report = robust.check(MODEL, SMALL)
-    robust.reports.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
+    report = robust.check(rig_model(), SMALL)
+    robust.reports.write_report(tmp_path / "r.html", rig_model(), SMALL, record=rig_record(), report=report)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert len(page.images) == 9
     assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
     with pytest.raises(ValueError, match="w_P must be that of the report"):
-        robust.reports.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
+        robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, report=report, w_P=W_P)
     with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
-        robust.reports.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
+        robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, delay=0.1)
     single = robust.UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", FRM.omega[:2], np.array([0.05, 0.05])
+        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", rig_frm().omega[:2], np.array([0.05, 0.05])
     )
     alone = robust.check(single, 2.0)
     for model, K, parts, message in (
-        (MODEL, SMALL, {"report": alone}, "report must be what check gave of this model and this K"),
-        (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "of several inputs or outputs, got one of one input"),
-        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of type NominalFit"),
+        (rig_model(), SMALL, {"report": alone}, "report must be what check gave of this model and this K"),
+        (rig_model(), SMALL, {"bla": rig_frm().entry(0, 0)}, "of several inputs or outputs, got one of one input"),
+        (rig_model(), SMALL, {"report": report, "nominal": 3}, "nominal must be of type NominalFit"),
         (single, 2.0, {"report": report}, "report must be what check gave of this model and this K"),
-        (single, 2.0, {"bla": FRM}, "of one input and output, got one of 2 x 2"),
+        (single, 2.0, {"bla": rig_frm()}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):
             robust.reports.write_report(tmp_path / "n.html", model, K, **parts)
@@ -113,9 +137,9 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
 
 def test_a_report_of_another_loop_is_refused(tmp_path):
     """Another controller, and another set around the same nominal, by as little as a tenth."""
-    report = robust.check(MODEL, SMALL)
-    wider = robust.uncertainty(FRM, FIT, form="additive", order=2, confidence=0.999)
-    for model, K in ((MODEL, 1.01 * SMALL), (MODEL, -SMALL), (wider, SMALL)):
+    report = robust.check(rig_model(), SMALL)
+    wider = robust.uncertainty(rig_frm(), rig_fit(), form="additive", order=2, confidence=0.999)
+    for model, K in ((rig_model(), 1.01 * SMALL), (rig_model(), -SMALL), (wider, SMALL)):
         with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
             robust.reports.write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())

@@ -4,6 +4,7 @@ import base64
 import re
 import sys
 from dataclasses import replace
+from functools import cache
 from html import unescape
 from html.parser import HTMLParser
 
@@ -46,12 +47,32 @@ def recorded(level=1.0):
     return Record(u=np.stack([u, u])[None], y=y[None], fs=512, lines=ms.lines, hold="band-limited")
 
 
-RECORD = recorded()
-BLA = identify(RECORD)
-FIT = fit_nominal(BLA, n_poles=2, n_zeros=0)
-MODEL = uncertainty(BLA, FIT, order=3)
-PLANT = sampled(MODEL.nominal, 1 / 512)
-K = ncfsyn(PLANT, crossover_weight(PLANT, 2 * np.pi * 2)).K
+@cache
+def rig_record():
+    return recorded()
+
+
+@cache
+def rig_bla():
+    return identify(rig_record())
+
+
+@cache
+def rig_fit():
+    return fit_nominal(rig_bla(), n_poles=2, n_zeros=0)
+
+
+@cache
+def rig_model():
+    return uncertainty(rig_bla(), rig_fit(), order=3)
+
+
+@cache
+def rig_controller():
+    plant = sampled(rig_model().nominal, 1 / 512)
+    return ncfsyn(plant, crossover_weight(plant, 2 * np.pi * 2)).K
+
+
 W_P = performance_weight(2 * np.pi * 0.3, M_S=2.5, A=1e-2)
 
 
@@ -91,7 +112,15 @@ def whole(tmp_path_factory):
     """A report of a whole run, made once."""
     path = tmp_path_factory.mktemp("report") / "report.html"
     report = write_report(
-        path, MODEL, K, bla=BLA, record=RECORD, nominal=FIT, w_P=W_P, title="A <bench> & its loop", notes="Second try"
+        path,
+        rig_model(),
+        rig_controller(),
+        bla=rig_bla(),
+        record=rig_record(),
+        nominal=rig_fit(),
+        w_P=W_P,
+        title="A <bench> & its loop",
+        notes="Second try",
     )
     return path, report
 
@@ -102,7 +131,7 @@ def test_it_tells_the_whole_run(whole):
     assert page.ids == SECTIONS
     assert "A <bench> & its loop" in page.text  # escaped where it must be
     assert "Second try" in page.text
-    for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(MODEL)):
+    for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(rig_model())):
         assert " ".join(said.split()) in page.text
     for number in (f"{report.margins.disk:.3f}", f"{1 / report.margins.rs:.3f}", f"{np.max(report.curves.rp):.3f}"):
         assert number in page.text
@@ -126,7 +155,7 @@ def test_no_address_leaves_the_file(whole):
 
 
 def test_the_same_run_gives_the_same_pictures(whole):
-    again = report_sections.loop_section(whole[1], MODEL, K)
+    again = report_sections.loop_section(whole[1], rig_model(), rig_controller())
     images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
     assert [picture.source for picture in again.pictures] == images[-5:-3]
 
@@ -189,20 +218,24 @@ def test_parts_that_are_not_there_are_named(undrawn, tmp_path):
 @pytest.mark.parametrize(
     ("model", "K", "words"),
     [
-        (MODEL, 1e4 * K, "not stable: no margin is given"),
-        (uncertainty(BLA, frd(BLA), order=2), 0.05, "the plant is known on its lines only"),
+        (rig_model, lambda: 1e4 * rig_controller(), "not stable: no margin is given"),
+        (
+            lambda: uncertainty(rig_bla(), frd(rig_bla()), order=2),
+            lambda: 0.05,
+            "the plant is known on its lines only",
+        ),
     ],
 )
 def test_bad_controllers_and_bare_frfs_are_reported_too(undrawn, model, K, words, tmp_path):
-    write_report(tmp_path / "r.html", model, K, bla=BLA)
+    write_report(tmp_path / "r.html", model(), K(), bla=rig_bla())
     assert words in unescape((tmp_path / "r.html").read_text(encoding="utf-8"))
 
 
 def test_a_family_of_records(undrawn, tmp_path):
-    records = [RECORD, recorded(1.5)]
+    records = [rig_record(), recorded(1.5)]
     blas = [identify(record) for record in records]
     model = uncertainty(blas, fit_nominal(blas, n_poles=2, n_zeros=0), order=3)
-    write_report(tmp_path / "r.html", model, K, record=records)
+    write_report(tmp_path / "r.html", model, rig_controller(), record=records)
     text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
     assert "BLA of record 1" in text
     assert "excitation of record 2" in text
@@ -211,19 +244,19 @@ def test_a_family_of_records(undrawn, tmp_path):
 
 def test_refusals_leave_no_file(undrawn, tmp_path):
     with pytest.raises(ValueError, match=r"path must end in \.html, got 'report\.pdf'"):
-        write_report(tmp_path / "report.pdf", MODEL, K)
+        write_report(tmp_path / "report.pdf", rig_model(), rig_controller())
     with pytest.raises(ValueError, match="model must be an UncertaintyModel"):
-        write_report(tmp_path / "report.html", BLA, K)
+        write_report(tmp_path / "report.html", rig_bla(), rig_controller())
     with pytest.raises(FileNotFoundError, match="existing folder"):
-        write_report(tmp_path / "nowhere" / "report.html", MODEL, 0.01, report=check(MODEL, 0.01))
+        write_report(tmp_path / "nowhere" / "report.html", rig_model(), 0.01, report=check(rig_model(), 0.01))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    save(MODEL, "m.json")
-    save(K, "K.json")
-    save(RECORD, "record.npz")
+    save(rig_model(), "m.json")
+    save(rig_controller(), "K.json")
+    save(rig_record(), "record.npz")
     command = "robust report m.json K.json --record record.npz --bandwidth 0.3 --peak 2.5 -o r.html --title Bench"
     monkeypatch.setattr(sys, "argv", command.split())
     with pytest.raises(SystemExit) as stop:

@@ -24,7 +24,7 @@ from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.claim_files import content_digest, read_claim
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
-from tests.robust.io.test_export import MODELS
+from tests.robust.io.test_export import models
 from tests.robust.io.test_matrix_files import MODELS as MATRICES
 from tests.support.friction_loops import ORACLES, RIG, pid
 from tests.support.printed import unwrapped
@@ -63,7 +63,7 @@ def written(tmp_path_factory):
         content = json.loads(path.read_text())
         made.append((content["schema"], loader, content))
 
-    for model in [*MODELS.values(), *MATRICES.values()]:
+    for model in [*models().values(), *MATRICES.values()]:
         add(robust.load, model)
     for K in (control.tf([1.0, 0.1], [1, 0.7, 0.1]), control.tf([0.5, -0.4], [1, -1], 0.01), 2.5, np.eye(2)):
         add(robust.load, K)

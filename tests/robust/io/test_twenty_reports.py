@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from html.parser import HTMLParser
 
 import control
@@ -45,14 +46,23 @@ def bla_of(level=1.0, seed=0):
 
 
 BLA, LOUD = bla_of(), bla_of(1.1, 1)
-FIT = fit_nominal(BLA, n_poles=2, n_zeros=0)
-BOTH = fit_nominal([BLA, LOUD], n_poles=2, n_zeros=0)
+
+
+@cache
+def rig_fit():
+    return fit_nominal(BLA, n_poles=2, n_zeros=0)
+
+
+@cache
+def fit_of_both():
+    return fit_nominal([BLA, LOUD], n_poles=2, n_zeros=0)
+
+
 LTI = UncertaintyModel(
     *(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([1.0, 20.0]), np.array([0.1, 0.2])),
     perturbation="LTI",
 )
 W_P = performance_weight(1.5, M_S=2.5, A=0.02)
-SHAPED = {dt: ncfsyn(G, crossover_weight(G, 6.0)).K for dt, G in ((0, FIT.G), (T, sampled(FIT.G, T)))}
 PI, SLOW = pid(0.2, 3.0, dt=T), pid(0.3, 4.0)
 
 
@@ -66,14 +76,34 @@ def recorded():
     return Record(u=np.stack([ms.u[0]] * 2)[None], y=y[None], fs=64, lines=ms.lines, **named)
 
 
-RECORD = recorded()
-MEASURED = identify(RECORD)
-FITTED = fit_nominal(MEASURED, n_poles=2, n_zeros=0)
+@cache
+def rig_record():
+    return recorded()
 
 
-def models():
-    for form in ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive"):
-        yield form, uncertainty(BLA, FIT, form=form, order=3)
+@cache
+def measured():
+    return identify(rig_record())
+
+
+@cache
+def fitted():
+    return fit_nominal(measured(), n_poles=2, n_zeros=0)
+
+
+@cache
+def shaped(dt):
+    G = sampled(rig_fit().G, dt) if dt else rig_fit().G
+    return ncfsyn(G, crossover_weight(G, 6.0)).K
+
+
+@cache
+def rig_model(form="multiplicative", simultaneous=False):
+    return uncertainty(BLA, rig_fit(), form=form, order=3, simultaneous=simultaneous)
+
+
+def family():
+    return uncertainty([BLA, LOUD], fit_of_both(), order=3)
 
 
 def rolled(model):
@@ -85,24 +115,37 @@ def rolled(model):
     return replace(model, weight=model.weight * roll_off)
 
 
-FORM = dict(models())
-MULTI = FORM["multiplicative"]
+FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
+
+
+def of_form(form):
+    """Return the designs of a form: sampled, and in continuous time with a demand."""
+    return {
+        f"{form}, sampled": lambda: (rolled(rig_model(form)), shaped(T), {}, {"bla": BLA}),
+        f"{form}, continuous, w_P": lambda: (rig_model(form), shaped(0), {"w_P": W_P}, {}),
+    }
+
+
 #: name -> model, controller, how it is checked, and what is handed over with it.
 DESIGNS = {
-    **{f"{form}, sampled": (rolled(model), SHAPED[T], {}, {"bla": BLA}) for form, model in FORM.items()},
-    **{f"{form}, continuous, w_P": (model, SHAPED[0], {"w_P": W_P}, {}) for form, model in FORM.items()},
-    "delay": (MULTI, SHAPED[T], {"delay": 0.013}, {"nominal": FIT}),
-    "delay and w_P": (MULTI, SHAPED[T], {"delay": 0.013, "w_P": W_P}, {"bla": BLA, "nominal": FIT}),
-    "continuous with delay": (MULTI, SHAPED[0], {"delay": 0.02}, {}),
-    "PI, sampled": (MULTI, PI, {"w_P": W_P}, {"bla": BLA}),
-    "PI, continuous": (MULTI, SLOW, {}, {}),
-    "family": (uncertainty([BLA, LOUD], BOTH, order=3), PI, {"w_P": W_P}, {"bla": [BLA, LOUD], "nominal": BOTH}),
-    "all lines together": (uncertainty(BLA, FIT, order=3, simultaneous=True), PI, {}, {"bla": BLA}),
-    "with its record": (uncertainty(MEASURED, FITTED), PI, {"w_P": W_P}, {"record": RECORD, "nominal": FITTED}),
-    "a demand not met": (MULTI, PI, {"w_P": performance_weight(30.0, M_S=1.2, A=1e-3)}, {}),
-    "unstable": (MULTI, 40 * PI, {"w_P": W_P}, {"bla": BLA}),
-    "a gain on an LTI set": (LTI, 2.0, {"w_P": performance_weight(0.5, M_S=3.0, A=0.5), "delay": 0.02}, {}),
-    "not robust": (LTI, control.tf([300], [1, 1]), {}, {}),
+    **{name: design for form in FORMS for name, design in of_form(form).items()},
+    "delay": lambda: (rig_model(), shaped(T), {"delay": 0.013}, {"nominal": rig_fit()}),
+    "delay and w_P": lambda: (rig_model(), shaped(T), {"delay": 0.013, "w_P": W_P}, {"bla": BLA, "nominal": rig_fit()}),
+    "continuous with delay": lambda: (rig_model(), shaped(0), {"delay": 0.02}, {}),
+    "PI, sampled": lambda: (rig_model(), PI, {"w_P": W_P}, {"bla": BLA}),
+    "PI, continuous": lambda: (rig_model(), SLOW, {}, {}),
+    "family": lambda: (family(), PI, {"w_P": W_P}, {"bla": [BLA, LOUD], "nominal": fit_of_both()}),
+    "all lines together": lambda: (rig_model(simultaneous=True), PI, {}, {"bla": BLA}),
+    "with its record": lambda: (
+        uncertainty(measured(), fitted()),
+        PI,
+        {"w_P": W_P},
+        {"record": rig_record(), "nominal": fitted()},
+    ),
+    "a demand not met": lambda: (rig_model(), PI, {"w_P": performance_weight(30.0, M_S=1.2, A=1e-3)}, {}),
+    "unstable": lambda: (rig_model(), 40 * PI, {"w_P": W_P}, {"bla": BLA}),
+    "a gain on an LTI set": lambda: (LTI, 2.0, {"w_P": performance_weight(0.5, M_S=3.0, A=0.5), "delay": 0.02}, {}),
+    "not robust": lambda: (LTI, control.tf([300], [1, 1]), {}, {}),
 }
 
 
@@ -334,7 +377,7 @@ def told_of_the_model(facts, model, given):
     assert facts["set", "outside the measured band"].endswith(model.origin.extrapolation)
     if "nominal" in given:
         assert facts["nominal", "fit"] == str(given["nominal"]).removeprefix("nominal model: ")
-    blas = given.get("bla", MEASURED if "record" in given else [])
+    blas = given.get("bla", measured() if "record" in given else [])
     blas = blas if isinstance(blas, list) else [blas]
     for i, bla in enumerate(blas):
         which = f", record {i + 1}" if len(blas) > 1 else ""
@@ -349,7 +392,7 @@ def told_of_the_model(facts, model, given):
 
 
 def told_of_the_record(facts):
-    u, grid = RECORD.u[0, -1], RECORD.lines
+    u, grid = rig_record().u[0, -1], rig_record().lines
     counts = [grid.excited.size, grid.excited[0] / 16, grid.excited[-1] / 16, grid.odd.size, grid.even.size]
     rms = np.sqrt(np.mean(u**2))
     holds(facts["record", "excitation"], *counts, rms, np.abs(u).max() / rms)
@@ -359,7 +402,7 @@ def told_of_the_record(facts):
 
 def told_of_the_opinion(facts):
     """The median difference of the two readings, and the limit between agreeing and not."""
-    opinion = second_opinion(RECORD)
+    opinion = second_opinion(rig_record())
     assert not opinion.disagree.any()
     percent = float(opinion.law.split(" %")[0].rpartition(" ")[2])  # of a record of a cubic
     holds(facts["opinion", "opinion"], np.median(opinion.difference), 6, percent)
@@ -384,7 +427,7 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     monkeypatch.setattr(
         report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
-    model, K, asked, given = DESIGNS[name]
+    model, K, asked, given = DESIGNS[name]()
     K = control.ss(K) if not isinstance(K, float) else control.ss([], [], [], [[K]])
     report = check(model, K, **asked)
     write_report(tmp_path / "r.html", model, K, report=report, **given)
@@ -403,8 +446,8 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
         if " with its " in caption:
             holds(page.said[section, caption].split(" with its ")[1], 95)
         if caption.startswith("Input spectrum"):
-            U = np.abs(np.fft.rfft(RECORD.u[0, -1]))
-            stray = np.delete(U, RECORD.lines.excited).max() / U[RECORD.lines.excited].min()
+            U = np.abs(np.fft.rfft(rig_record().u[0, -1]))
+            stray = np.delete(U, rig_record().lines.excited).max() / U[rig_record().lines.excited].min()
             holds(page.said[section, caption], 100)
             assert 20 * np.log10(stray) < -100
         if " of record " in caption:
@@ -421,7 +464,10 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
 
 def test_there_are_twenty_designs_of_every_kind():
     assert len(DESIGNS) >= 20
-    verdicts = {check(model, K, **asked, certify=False).verdict for model, K, asked, _ in DESIGNS.values()}
+    verdicts = {
+        check(model, K, **asked, certify=False).verdict
+        for model, K, asked, _ in (design() for design in DESIGNS.values())
+    }
     assert {"not robust", "not certified"} <= verdicts
 
 
