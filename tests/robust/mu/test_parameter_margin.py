@@ -86,8 +86,8 @@ def test_beside_a_complex_block_and_sampled():
 
 
 def test_the_most_parts_are_said():
-    N = loop(np.random.default_rng(2), 6, (2, 2, 2))
-    found = robust.mu.parameter_margin(N, [(2, 2, "real")] * 3, max_boxes=1, gap=1e-3)
+    N = loop(np.random.default_rng(2), 4, (1, 1))
+    found = robust.mu.parameter_margin(N, [(1, 1, "real")] * 2, max_boxes=1, gap=1e-3)
     assert not found.met
     assert found.reason
     assert found.proved < found.broken

@@ -22,6 +22,7 @@ EQUAL = [[1, 0, 1, 1]], [[1], [0], [1]], [[0, 0, 0, 0], [0, 0, 1, 1], [0, 0.1, 0
 ALONE = [[1, 0, 1]], [[1], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]]
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("seed", range(4))
 def test_deficient_plants_have_the_answer_of_their_closed_form(family, seed):

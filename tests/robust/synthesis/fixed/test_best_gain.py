@@ -9,6 +9,7 @@ from robust.synthesis.fixed.demands import demand_row
 from robust.synthesis.fixed.plants import plant_on_lines
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", [5, 38, 48])
 def test_no_other_search_finds_a_tenth_more(seed):
     """From one simple start, by convex steps alone, these ended at 0.1, 0.48 and 0 of the rival's gain."""

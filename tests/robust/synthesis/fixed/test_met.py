@@ -35,6 +35,7 @@ def test_a_free_stage_whose_first_lines_scatter():
     assert np.abs(control.feedback(sampled(control.ss(G), 1e-3) * design.K).poles()).max() < 1
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("seed", [2 * k for k in range(3000, 3008)])
 def test_random_designs_are_what_they_say(seed):

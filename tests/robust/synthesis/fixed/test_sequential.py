@@ -95,7 +95,7 @@ def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
 
     monkeypatch.setattr(sequential, "design_loop", counted)
     apart = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), np.eye(2), np.zeros((2, 2)))
-    design = design_frf(set_of(apart, "elements", (), (0.02,) * 4), "PI", M_S=2.0, n_iterations=2)
+    design = design_frf(set_of(apart, "input", (0.02, 0.02), (1.0, 1.0)), "PI", M_S=2.0, n_iterations=2)
     assert design.met, design.reason
     assert np.count_nonzero(made) == 2
     assert "designed again where it fell short" in design.reason
