@@ -207,6 +207,7 @@ def test_refusals(call, message):
         call()
 
 
+@pytest.mark.attack
 def test_an_answer_comes_where_scalings_are_many():
     """Two parameters repeated eight times on eight states: no answer in four minutes before."""
     rng, n = np.random.default_rng(0), 8
