@@ -11,13 +11,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
-from textwrap import wrap
 from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
 from nlfrf._base.numbers import all_finite
-from nlfrf._base.values import SCREEN_WIDTH
 
 if TYPE_CHECKING:
     from nlfrf._base.types import Seed
@@ -104,12 +102,6 @@ def join_names(names: Sequence[str]) -> str:
     ('1', '1 and 3', '1, 3 and 4')
     """
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
-
-
-def format_paragraph(label: str, text: str) -> list[str]:
-    """Return the lines of a labelled paragraph that fits a screen."""
-    rows = wrap(" ".join(text.split()), SCREEN_WIDTH - 14) or [""]
-    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
 
 
 def inverse_unit(unit: str) -> str:

@@ -36,6 +36,7 @@ from robust.lti.realisation import multivariable
 from robust.lti.stability import winding_number
 from robust.models.sets.model import UncertaintyModel
 from robust.mu.scalings import refine_grid, upper
+from robust.pages.text import format_table
 from robust.proofs.search.stability import decide_stability
 
 
@@ -148,9 +149,8 @@ class LoopMargins:
         named = zip((*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True)
         rows = [(f"{name} alone", margin) for name, margin in named]
         rows += [("all inputs", self.all_inputs), ("all outputs", self.all_outputs), ("all of them", self.everywhere)]
-        width = max(len(name) for name, _ in rows)
-        return "\n".join(
-            f"{name:{width}}  disk margin {margin.alpha:.4g}: {_format_margins(margin)}" for name, margin in rows
+        return format_table(
+            [(name, f"disk margin {margin.alpha:.4g}: {_format_margins(margin)}") for name, margin in rows]
         )
 
 

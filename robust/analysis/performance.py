@@ -17,7 +17,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.types import AnySystem, Controller, LinearSystem
 from robust.lti.connections import closed_loop, lower_lft
-from robust.lti.grids import structure_grid
+from robust.lti.grids import Peak, structure_grid
 from robust.lti.lti import (
     evaluate_transfer,
     is_constant,
@@ -29,8 +29,11 @@ from robust.lti.lti import (
 )
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import delayed, sampled
+from robust.pages.section import Fact
 
 _BETWEEN = 8  # frequencies from one of the grid of a system to the next
+#: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
+USUAL_PHASE_MARGIN = 30.0
 _REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
 
@@ -82,23 +85,28 @@ class ClassicalMargins:
         """Return the highest frequency at which |L| is one [rad/s]; nan where it never is."""
         return self.crossovers[-1] if self.crossovers else float("nan")
 
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """Return crossover, margins and bandwidth, each with what it means."""
+        high, low = (20 * np.log10(gain or np.nan) for gain in (self.gain_margin, self.gain_reduction))
+        return (
+            Fact(
+                "crossovers" if len(self.crossovers) > 1 else "crossover",
+                ", ".join(map(format_hertz, self.crossovers)) or "none: |L| never crosses one",
+            ),
+            Fact(
+                "phase margin",
+                Peak(np.degrees(self.phase_margin), self.omega_phase),
+                "deg",
+                f"customary are {USUAL_PHASE_MARGIN:g} deg or more",
+            ),
+            Fact("gain margin", Peak(high, self.omega_gain), "dB", "how far the gain may rise"),
+            Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "how far the gain may fall"),
+            Fact("bandwidth of S", self.bandwidth / (2 * np.pi), "Hz", "disturbances below it are reduced"),
+        )
+
     def __str__(self) -> str:
-        if not self.crossovers:
-            text = "|L| never crosses one"
-        else:
-            found = ", ".join(map(format_hertz, self.crossovers))
-            text = (
-                f"crossover{'s' * (len(self.crossovers) > 1)} {found}, phase margin "
-                f"{np.degrees(self.phase_margin):.1f} deg at {format_hertz(self.omega_phase)}"
-            )
-        if np.isfinite(self.gain_margin):
-            text += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {format_hertz(self.omega_gain)}"
-        else:
-            text += ", no gain above this one makes it unstable"
-        if self.gain_reduction:
-            lowest = f"{20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
-            text += f", lower gain margin {lowest}"
-        return text + (f", bandwidth of S {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
+        return ", ".join(str(fact) for fact in self.facts if fact.amount)
 
 
 def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None) -> ClassicalMargins:
@@ -352,16 +360,23 @@ class StepResponse:
     reference: int = 0
     worst: StepResponse | None = None
 
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """Return final value, rise time, overshoot and settling time."""
+        settled = np.isfinite(self.settling_time)
+        return (
+            Fact("goes to", self.final),
+            Fact("10 to 90 % in", self.rise_time, "s"),
+            Fact("overshoot", f"{100 * self.overshoot:.1f}", "%"),
+            Fact(
+                f"{'' if settled else 'not '}within {100 * _SETTLING_BAND:g} % after",
+                self.settling_time if settled else float(self.t[-1]),
+                "s",
+            ),
+        )
+
     def __str__(self) -> str:
-        settled = (
-            f"within {100 * _SETTLING_BAND:g} % after {self.settling_time:.3g} s"
-            if np.isfinite(self.settling_time)
-            else f"not within {100 * _SETTLING_BAND:g} % after {self.t[-1]:.3g} s"
-        )
-        own = (
-            f"goes to {self.final:.4g}, 10 to 90 % in {self.rise_time:.3g} s, overshoot {100 * self.overshoot:.1f} %, "
-            f"{settled}"
-        )
+        own = ", ".join(map(str, self.facts))
         return own if self.worst is None else f"nominal plant: {own}\nworst plant: {self.worst}"
 
 

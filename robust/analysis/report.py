@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import format_paragraph
 from nlfrf._base.values import value
 from robust._base.states import Demand, Verdict
 from robust.analysis.disk import LoopMargins
@@ -17,14 +16,17 @@ from robust.analysis.text import (
     USUAL_PEAK,
     describe_broken,
     describe_certificate,
-    describe_disk_margin,
     describe_meaning,
-    describe_performance,
     describe_thin_margins,
-    describe_worst_sensitivity,
-    format_stability_margin,
+    disk_margin_fact,
+    format_margin_factor,
+    performance_facts,
+    worst_sensitivity_fact,
 )
+from robust.lti.grids import Peak
 from robust.models.sets.forms import FORMS, loop_discs
+from robust.pages.section import Fact
+from robust.pages.text import format_facts
 
 #: Change of the gain that is tried against thin margins, and the least share by which |S| has to fall.
 _GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
@@ -197,41 +199,46 @@ class RobustnessReport(Findings):
         return "" if self.verdict.is_robust and not self.missed_performance else self.advice
 
     @property
-    def summary(self) -> str:
-        """Return verdict, margins and what was proved, in a few lines."""
-        return "\n".join(self.findings())
+    def claims(self) -> list[Fact]:
+        """Return the verdict with its meaning, and the conditions and warnings that it is subject to."""
+        verdict = Fact("verdict", f"{self.headline.upper()}: {self.meaning}")
+        conditions = [Fact("condition", text) for text in self.conditions]
+        return [verdict, *conditions, *(Fact("warning", text) for text in (*self.warnings, self.warning_of_margins))]
 
-    def findings(self) -> list[str]:
-        """Return the rows of the summary."""
-        verdict, margins = self.headline.upper(), self.margins
-        rows = [("verdict", f"{verdict}: {self.meaning}")]
-        rows += [("condition", text) for text in self.conditions]
-        rows += [("warning", text) for text in self.warnings]
-        rows += [("because", self.reason)]
-        rows += [("warning", self.warning_of_margins)]
-        if self.nominally_stable and np.isnan(margins.rs):
-            rows += [("stability", "no uncertainty to hold it against")]
-        elif self.nominally_stable:
-            measure = "rs" if self.is_single else "mu"
-            rows += [("stability", format_stability_margin(measure, margins.rs, margins.omega_rs))]
-            if np.isfinite(margins.S_worst):
-                rows += [("worst case", describe_worst_sensitivity(margins, single=self.is_single))]
-            rows += [("aliases", self.folding), ("worst found", describe_broken(margins))]
-        if self.nominally_stable and np.isfinite(margins.rp):
-            rows += [("performance", describe_performance(self.curves, margins, self.performance))]
-        rows += [("proved", self.proved)]
-        return [line for row in rows for line in format_paragraph(*row)]
+    @property
+    def findings(self) -> list[Fact]:
+        """Return the reason, how far the loop is from trouble over the set, what was proved and what not, what next."""
+        margins, facts = self.margins, [Fact("because", self.reason)]
+        if self.nominally_stable:
+            largest = Peak(margins.largest_rs, margins.omega_rs)
+            facts += [
+                Fact("stability", "no uncertainty to hold it against" if np.isnan(margins.rs) else ""),
+                Fact("max rs" if self.is_single else "max mu", largest, meaning=format_margin_factor(margins.rs)),
+                worst_sensitivity_fact(margins, single=self.is_single),
+                Fact("aliases", self.folding),
+                Fact("worst found", describe_broken(margins)),
+                *performance_facts(self.curves, margins, self.performance),
+            ]
+        level = "" if self.level is None else str(self.level)
+        facts += [Fact("proved", self.proved), Fact("not proved", self.not_proved), Fact("level", level)]
+        return [*facts, Fact("next", self.next_step)]
+
+    @property
+    def details(self) -> list[Fact]:
+        """Return the certificates, the margins of the nominal loop, and the loop in one line."""
+        return [
+            *(Fact("certificate", describe_certificate(one)) for one in self.proofs.certificates),
+            disk_margin_fact(self.margins),
+            Fact("margins", self.channels.least() if self.channels is not None and not self.channels.reason else ""),
+            *(self.classical.facts if self.nominally_stable and self.is_single else ()),
+            Fact("encoder", describe_encoder_noise(self.encoder_noise, self.given.unit)),
+            Fact("loop", self.context),
+        ]
+
+    @property
+    def summary(self) -> str:
+        """Return verdict, margins, what was proved and what was not, in a few lines."""
+        return format_facts([*self.claims, *self.findings])
 
     def __str__(self) -> str:
-        rows = [("not proved", self.not_proved)]
-        rows += [("certificate", describe_certificate(one)) for one in self.proofs.certificates]
-        if self.nominally_stable and np.isfinite(self.margins.disk):
-            rows += [("disk margin", describe_disk_margin(self.margins))]
-        if self.channels is not None and not self.channels.reason:
-            rows += [("margins", self.channels.least())]
-        if self.nominally_stable and self.is_single:
-            rows += [("loop gain", str(self.classical))]
-        rows += [("encoder", describe_encoder_noise(self.encoder_noise, self.given.unit))]
-        rows += [("level", "" if self.level is None else str(self.level))]
-        rows += [("next", self.next_step), ("loop", self.context)]
-        return "\n".join([*self.findings(), *(line for row in rows for line in format_paragraph(*row))])
+        return format_facts([*self.claims, *self.findings, *self.details])

@@ -14,12 +14,14 @@ from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
-from robust.lti.grids import peak_of
+from robust.analysis.performance import USUAL_PHASE_MARGIN
+from robust.lti.grids import Peak, peak_of
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.records import format_probability
+from robust.pages.section import Fact
 from robust.proofs.search.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -380,13 +382,6 @@ def format_margin_factor(margin: float) -> str:
     return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
 
 
-def format_stability_margin(measure: str, margin: float, omega: float) -> str:
-    """Format the largest rs or mu, its frequency, and the margin on the uncertainty."""
-    if margin == 0:
-        return f"{measure} has no bound at {format_hertz(omega)}: no uncertainty of this shape is small enough"
-    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
-
-
 def explain_mu(
     system: UncertainSystem,
     curves: MuCurves,
@@ -425,38 +420,40 @@ def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None
     margin = "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
     return (
         f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
-        f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
-        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor"
+        f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase margin of "
+        f"{USUAL_PHASE_MARGIN:g} deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that "
+        "factor"
     )
 
 
-def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand | None) -> str:
-    """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
+def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | None) -> list[Fact]:
+    """Return the nominal and the worst case over the demand, and whether the whole set meets it; none without one."""
+    if demand is None:
+        return []
     met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
     if curves.S is None:
-        mu = 1 / margins.rp
-        allowed = ", above the 1 that is allowed" if mu > 1 else ""
-        found = f"max mu {mu:.4g} at {format_hertz(margins.omega_rp)}{allowed}"
-        return f"{found}; {met}"
+        return [Fact("performance", Peak(1 / margins.rp, margins.omega_rp), meaning=f"max mu, allowed is 1; {met}")]
     nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
     missed = f", missed by a factor {worst.value:.3g}" if 1 < worst.value < np.inf else ""
-    return f"nominal max |w_P S| {nominal}, worst case {worst}; {met}{missed}"
+    return [Fact("max |w_P S|", nominal, meaning="nominal"), Fact("performance", worst, meaning=f"{met}{missed}")]
 
 
-def describe_disk_margin(margins: Margins) -> str:
+def disk_margin_fact(margins: Margins) -> Fact:
     """Return the disk margin of one loop."""
-    return (
-        f"{margins.disk:.3f} at {format_hertz(margins.omega_disk)}: gain {20 * np.log10(margins.disk_gain):.2f} dB, "
-        f"or phase {np.degrees(margins.disk_phase):.1f} deg, or less of both"
+    meaning = (
+        f"gain {20 * np.log10(margins.disk_gain):.2f} dB, or phase {np.degrees(margins.disk_phase):.1f} deg, or less "
+        "of both"
     )
+    return Fact("disk margin", Peak(margins.disk, margins.omega_disk), meaning=meaning)
 
 
-def describe_worst_sensitivity(margins: Margins, *, single: bool) -> str:
+def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
     """Return the largest sensitivity over the set: what a plant of one channel reaches, of several a bound."""
-    S = "|S|" if single else "the largest singular value of S"
-    most = "reaches" if single else "stays below" if margins.S_worst_lines else "at most"
-    where = f" on {margins.S_worst_lines} frequencies" * (margins.S_worst_lines > 0)
-    return f"{S} {most} {margins.S_worst:.3g}{where} over the set, at {format_hertz(margins.omega_S_worst)}"
+    largest = Peak(margins.S_worst, margins.omega_S_worst)
+    if single:
+        return Fact("max |S|", largest, meaning=f"over the set; customary is at most {USUAL_PEAK:g}")
+    where = f", on {margins.S_worst_lines} frequencies" * (margins.S_worst_lines > 0)
+    return Fact("max |S|", largest, meaning=f"bound of its largest singular value over the set{where}")
 
 
 def describe_broken(margins: Margins) -> str:

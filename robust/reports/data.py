@@ -2,42 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain, repeat
+from typing import TypeVar
+
 import control
 import numpy as np
 
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import format_count
+from nlfrf.plot import (
+    plot_bla,
+    plot_bode,
+    plot_frm,
+    plot_frm_bounds,
+    plot_input,
+    plot_levels,
+    plot_opinion,
+    plot_samples,
+    plot_singular_values,
+)
 from robust.analysis.text import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
 from robust.lti.sampling import without_pade
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
 from robust.models.validation import Validation, validate
-from robust.reports import parts
-from robust.reports.parts import Section, describe_roots, describe_system, rows_of_value
+from robust.pages import html
+from robust.pages.section import Fact, Section
+from robust.plot import plot_budget, plot_fit, plot_set, plot_weight
+from robust.reports.parts import describe_roots, describe_system, rows_of_value
 
 _NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
 
+Measured = TypeVar("Measured", Record, Bla)
+
+
+def _numbered(before: str, measured: list[Measured]) -> Iterator[tuple[str, Measured]]:
+    """Yield each record or BLA behind the words that number it, which are empty where there is one alone."""
+    for number, one in enumerate(measured, 1):
+        yield f"{before} record {number}" * (len(measured) > 1), one
+
+
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     """Return the section on grid, lines, level and length of each record; of `blas` the kind of the grid alone."""
-    from nlfrf import plot
-
     facts, pictures = [], []
-    for i, record in enumerate(records):
-        which = f" of record {i + 1}" if len(records) > 1 else ""
+    for (which, record), bla in zip(_numbered(" of", records), chain(blas, repeat(None)), strict=False):
         grid, u = record.lines, record.u[0, -1]
         rms = " ".join([f"{u.std():.4g}", *record.u_unit.split()])
-        kind = blas[i].experiment.grid if i < len(blas) else "given"
+        kind = "given" if bla is None else bla.experiment.grid
         facts += [
-            (
+            Fact(
                 f"excitation{which}",
                 f"{kind} grid, {grid.excited.size} excited lines from {grid.excited[0] * record.f0:g} to "
                 f"{grid.excited[-1] * record.f0:g} Hz, {grid.odd.size} odd and {grid.even.size} even detection lines; "
                 f"rms {rms}, crest factor {np.abs(u - u.mean()).max() / u.std():.3g}",
             ),
-            (
+            Fact(
                 f"record{which}",
                 f"{format_count(record.n_realizations, 'realisation')} of {format_count(record.n_periods, 'period')} "
                 f"of {record.n_samples} samples at {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, "
@@ -45,24 +68,18 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
             ),
         ]
         pictures += [
-            parts.draw_picture(
-                plot.plot_input, record, caption=f"Input spectrum{which}: {_describe_stray_energy(record)}."
-            ),
-            parts.draw_picture(
-                plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."
-            ),
-            parts.draw_picture(
-                plot.plot_samples, record, signal="y", caption=f"Output{which} in time, the last period in black."
-            ),
+            html.draw_picture(f"Input spectrum{which}: {_describe_stray_energy(record)}.", plot_input, record),
+            html.draw_picture(f"Input{which} in time, all periods over one another.", plot_samples, record),
+            html.draw_picture(f"Output{which} in time, the last period in black.", plot_samples, record, signal="y"),
         ]
     if not records:
-        facts = [("record", "was not handed over with this report")]
+        facts = [Fact("record", "was not handed over with this report")]
     return Section(
-        name="record",
-        title="Excitation and record",
-        lead="Where periods lie over one another, the machine was in steady state and its channels worked.",
-        facts=tuple(facts),
-        pictures=tuple(pictures),
+        "record",
+        "Excitation and record",
+        "Where periods lie over one another, the machine was in steady state and its channels worked.",
+        facts=facts,
+        pictures=pictures,
     )
 
 
@@ -99,112 +116,94 @@ def describe_directions(bla: Bla) -> str:
 
 def bla_section(blas: list[Bla]) -> Section:
     """Return the best linear approximation, its levels and its bound."""
-    from nlfrf import plot
-
     facts, pictures = [], []
-    for i, bla in enumerate(blas):
-        which = f" of record {i + 1}" if len(blas) > 1 else ""
+    for which, bla in _numbered(" of", blas):
         if not bla.is_single:
-            facts += [(f"matrix{which}", rows_of_value(bla)), (f"directions{which}", describe_directions(bla))]
+            facts += [
+                Fact(f"matrix{which}", rows_of_value(bla)),
+                Fact(f"directions{which}", describe_directions(bla)),
+            ]
             pictures += [
-                parts.draw_picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),
-                parts.draw_picture(plot.plot_frm_bounds, bla, tall=True, caption=f"What limits each entry{which}."),
-                parts.draw_picture(
-                    plot.plot_singular_values,
+                html.draw_picture(f"Every entry{which} with its 95 % bound.", plot_frm, bla, tall=True),
+                html.draw_picture(f"What limits each entry{which}.", plot_frm_bounds, bla, tall=True),
+                html.draw_picture(
+                    f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
+                    plot_singular_values,
                     bla,
-                    caption=f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
                 ),
             ]
             continue
-        facts.append((f"BLA{which}", rows_of_value(bla)))
+        facts.append(Fact(f"BLA{which}", rows_of_value(bla)))
         pictures += [
-            parts.draw_picture(
-                plot.plot_bode, bla, tall=True, caption=f"Best linear approximation{which} with its 95 % bound."
-            ),
-            parts.draw_picture(plot.plot_bla, bla, caption=f"The same{which} over what makes the bound."),
+            html.draw_picture(f"Best linear approximation{which} with its 95 % bound.", plot_bode, bla, tall=True),
+            html.draw_picture(f"The same{which} over what makes the bound.", plot_bla, bla),
         ]
         if np.any(np.isfinite(bla.levels.excited)):  # an FRF of another program has none
             caption = f"Output{which} by kind of line: linear, distortion, noise."
-            pictures.append(parts.draw_picture(plot.plot_levels, bla, caption=caption))
+            pictures.append(html.draw_picture(caption, plot_levels, bla))
     condition = "Subject to the warnings, the" if any(bla.warnings for bla in blas) else "The"
     return Section(
-        name="bla",
-        title="Best linear approximation",
-        lead=f"{condition} bound holds the best linear approximation, line by line, with 95 % probability; it is for "
+        "bla",
+        "Best linear approximation",
+        f"{condition} bound holds the best linear approximation, line by line, with 95 % probability; it is for "
         "this excitation, at this level, and says nothing about other levels.",
-        facts=tuple(facts) or (("BLA", "was not handed over with this report"),),
-        pictures=tuple(pictures),
+        facts=facts or (Fact("BLA", "was not handed over with this report"),),
+        pictures=pictures,
     )
 
 
 def cross_check_section(records: list[Record]) -> Section:
     """Return the distortion level read a second time, by means that fail for other reasons."""
-    from nlfrf import plot
-
     facts, pictures = [], []
-    for i, record in enumerate(records):
-        which = f" on record {i + 1}" if len(records) > 1 else ""
+    for which, record in _numbered(" on", records):
         opinion = nlfrf.second_opinion(record)
-        facts.append((f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: ")))
-        pictures.append(
-            parts.draw_picture(plot.plot_opinion, opinion, caption=f"The distortion level read twice{which}.")
-        )
+        facts.append(Fact(f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: ")))
+        pictures.append(html.draw_picture(f"The distortion level read twice{which}.", plot_opinion, opinion))
     return Section(
-        name="opinion",
-        title="Second opinion",
-        lead="The lines that were not excited and the roughness of the FRF over the excited ones fail for different "
+        "opinion",
+        "Second opinion",
+        "The lines that were not excited and the roughness of the FRF over the excited ones fail for different "
         "reasons: where both agree the level can be believed.",
-        facts=tuple(facts) or (("opinion", "needs the record, which was not handed over"),),
-        pictures=tuple(pictures),
+        facts=facts or (Fact("opinion", "needs the record, which was not handed over"),),
+        pictures=pictures,
     )
 
 
 def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]) -> Section:
     """Return the model in the middle against the measured lines."""
-    from robust import plot
-
-    facts: list[tuple[str, str]] = []
     if model.measured_only:
-        facts.append(("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines"))
+        facts = [Fact("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines")]
     else:
-        facts.append(("nominal plant", describe_system(model.nominal)))
-        facts += roots_of_plant(model.nominal)
+        facts = [Fact("nominal plant", describe_system(model.nominal)), *roots_of_plant(model.nominal)]
     if nominal is not None:
-        facts.append(("fit", str(nominal).removeprefix("nominal model: ")))
-    for i, bla in enumerate(blas):
+        facts.append(Fact("fit", str(nominal).removeprefix("nominal model: ")))
+    for which, bla in _numbered(",", blas):
         if not np.isnan(model.confidence):
             seen = validate(model, bla)
-            which = f", record {i + 1}" if len(blas) > 1 else ""
-            facts.append(
-                (
-                    f"lines in the set{which}",
-                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + _describe_change(seen),
-                )
-            )
+            outside = f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside"
+            facts.append(Fact(f"lines in the set{which}", outside + _describe_change(seen)))
 
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
-    pictures = [parts.draw_picture(plot.plot_set, model, blas, tall=True, caption=f"{shown}.")]
+    pictures = [html.draw_picture(f"{shown}.", plot_set, model, blas, tall=True)]
     if nominal is not None:
-        pictures.append(
-            parts.draw_picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")
-        )
+        pictures.append(html.draw_picture("Measured lines, model, and what is left between them.", plot_fit, nominal))
     return Section(
-        name="nominal",
-        title="Nominal fit",
-        lead="What the fit leaves is not lost: it goes into the radius of the set as misfit.",
-        facts=tuple(facts),
-        pictures=tuple(pictures),
+        "nominal",
+        "Nominal fit",
+        "What the fit leaves is not lost: it goes into the radius of the set as misfit.",
+        facts=facts,
+        pictures=pictures,
     )
 
 
-def roots_of_plant(G: control.StateSpace) -> list[tuple[str, str]]:
+def roots_of_plant(G: control.StateSpace) -> list[Fact]:
     """Return the rows of poles and zeros; a continuous delay, a Padé approximation inside the plant, is separated."""
     single, dt = G.ninputs == G.noutputs == 1, timebase(G)
     rest, delay = without_pade(G) if single and not dt else (G, 0.0)
-    rows = [("poles", describe_roots(poles(rest), dt))]
-    rows += [("zeros", describe_roots(zeros(rest), dt))] * single
+    rows = [Fact("poles", describe_roots(poles(rest), dt))]
+    rows += [Fact("zeros", describe_roots(zeros(rest), dt))] * single
     late = f"{1e3 * delay:.4g} ms, by an all-pass of order {G.nstates - rest.nstates} (Padé)"
-    return rows + [("delay", late)] * (delay > 0)
+    return rows + [Fact("delay", late)] * (delay > 0)
 
 
 def _describe_change(seen: Validation) -> str:
@@ -220,32 +219,23 @@ def _describe_change(seen: Validation) -> str:
 
 def set_section(model: UncertaintyModel) -> Section:
     """Return the uncertainty and its weight."""
-    from robust import plot
-
-    facts = [
-        ("set", str(model)),
-        ("class of perturbations", model.perturbation),
-        ("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
-        ("outside the measured band", f"nothing was measured; assumed: {model.origin.extrapolation}"),
-        ("source", model.origin.source),
-    ]
-    pictures = [
-        parts.draw_picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
-    ]
+    facts = (
+        Fact("set", str(model)),
+        Fact("class of perturbations", model.perturbation),
+        Fact("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
+        Fact("outside the measured band", f"nothing was measured; assumed: {model.origin.extrapolation}"),
+        Fact("source", model.origin.source),
+    )
+    pictures = [html.draw_picture("Radius on the lines, its parts, and the weight over it.", plot_weight, model)]
     if model.is_single and model.budget:
-        pictures.append(
-            parts.draw_picture(
-                plot.plot_budget,
-                model,
-                caption="Parts of the radius, their share as the mean over the lines, and what to measure next.",
-            )
-        )
+        caption = "Parts of the radius, their share as the mean over the lines, and what to measure next."
+        pictures.append(html.draw_picture(caption, plot_budget, model))
     return Section(
-        name="set",
-        title="Uncertainty and weight",
-        lead="Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption."
+        "set",
+        "Uncertainty and weight",
+        "Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption."
         if model.is_single
         else "The form was to be chosen before looking at the verdict; who tries two has tested twice.",
-        facts=tuple(facts),
-        pictures=tuple(pictures),
+        facts=facts,
+        pictures=pictures,
     )

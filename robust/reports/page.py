@@ -1,8 +1,4 @@
-"""The report of a whole run, from the record to the verdict, in one self-contained HTML file.
-
-The file holds its pictures, its style and a small script that enlarges them. Its content security policy forbids the
-browser every request, so that it reads the same in ten years, and on paper.
-"""
+"""The report of a whole run, from the record to the verdict, in one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -26,9 +22,10 @@ from robust.friction.proof.certify import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
+from robust.pages.html import render_page
+from robust.pages.section import Section
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
-from robust.reports.parts import Banner, render_page
-from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
+from robust.reports.sections import check_section, loop_section, settings_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 
 
@@ -133,7 +130,7 @@ def write_report(
         report = replace(add_warnings(report, model.warnings), confidence=describe_confidence(model))
     w_P, delay = report.given.demand, report.given.delay  # what was checked is what is reported
     sections = [
-        verdict_section(report),
+        Section("verdict", "Verdict", "What may be said of this controller on this machine.", report.findings),
         *([] if friction is None else [friction_section(report, friction)]),
         *([excitation_section(records, blas)] if single else []),
         bla_section(blas),
@@ -145,14 +142,17 @@ def write_report(
         worst_case_section(model, K, report=report, delay=delay),
         settings_section(model, K, w_P=w_P, delay=delay),
     ]
-    banner = Banner(
+    text = render_page(
+        sections,
+        title=title,
+        notes=notes,
+        verdict=report.verdict,
         style=report.verdict.replace(" ", "-"),
         heading=report.headline.capitalize(),
         lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
+        warnings=[*filter(None, [report.warning_of_margins]), *report.warnings],
     )
-    warned = [*filter(None, [report.warning_of_margins]), *report.warnings]
-    page = {"verdict": report.verdict, "banner": banner, "warnings": warned, "sections": sections}
-    write_text(path, render_page(title=title, notes=notes, **page))
+    write_text(path, text)
     return report
 
 

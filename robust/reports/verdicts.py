@@ -15,7 +15,7 @@ from robust.friction.proof.certify import FrictionProof
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.parts import Section
+from robust.pages.section import Section
 
 _MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
@@ -43,7 +43,7 @@ def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
         ("a harder kick than measured", "nothing is said: the machine slides more than in any record", "is in it"),
         ("runs away", "not asked", fails),
-        ("not in it", report.not_proved, proof.not_claimed.removeprefix("Not claimed: ")),
+        ("not in it", report.not_proved, proof.not_claimed),
     )
 
 
@@ -58,9 +58,9 @@ def describe_proof(proof: FrictionProof) -> str:
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
     """Return the two verdicts, which answer two questions and may differ."""
     return Section(
-        name="friction",
-        title="Two verdicts",
-        lead="They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
+        "friction",
+        "Two verdicts",
+        "They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
         "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
         table=_verdict_rows(report, proof),
     )

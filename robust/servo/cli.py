@@ -253,7 +253,7 @@ def check_gains(
     say(found)
     if out is not None and out.suffix.lower() in (".html", ".htm"):
         with spinner("drawing"):
-            page.write_page(out, found, records, names=names, conditions=conditions)
+            page.write_page(out, found, records)
     elif out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust servo check')}\n")
     passed = found.verdict is not findings.DriveVerdict.NOT_PASSED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,11 +13,21 @@ import nlfrf
 from nlfrf import Record
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.files import page_path, write_text
+from nlfrf.plot import plot_blas
 from robust._base.states import FrictionVerdict
-from robust.plot.friction import RestCase
-from robust.reports import parts
-from robust.reports.parts import Banner, Section, render_page
-from robust.servo.checking.findings import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
+from robust.pages.html import draw_picture, render_page
+from robust.pages.section import Picture
+from robust.plot import (
+    RestCase,
+    plot_check,
+    plot_friction_fit,
+    plot_friction_force,
+    plot_loop,
+    plot_nyquist,
+    plot_rest,
+    plot_step,
+)
+from robust.servo.checking.findings import DriveCheck, DriveVerdict
 from robust.servo.checking.friction import force_over_position
 from robust.servo.checking.simulation import SHOWN
 
@@ -29,8 +40,6 @@ def write_page(
     found: DriveCheck,
     records: Sequence[Record],
     *,
-    names: Sequence[str] = (),
-    conditions: Sequence[Conditions] = (),
     title: str = "Check of a drive",
 ) -> None:
     """Write a check of the gains of a drive as one HTML file with pictures, as `robust servo check -o page.html` does.
@@ -40,20 +49,16 @@ def write_page(
     path : path
         The ``.html`` file; written whole or not at all.
     found : DriveCheck
-        From `robust.servo.checking.judge.check`.
+        From `robust.servo.check`.
     records : sequence of nlfrf.Record
-        The traces that were checked.
-    names : sequence of str
-        Of the traces.
-    conditions : sequence of Conditions
-        Under which each was recorded; those that are not known to be in motion count as at rest.
+        The traces that were checked, in their order.
     title : str
         Heading.
 
     Raises
     ------
     ValueError
-        A path that does not end in .html, no traces, or names or conditions that are not one a trace.
+        A path that does not end in .html, or not as many traces as were checked.
 
     Examples
     --------
@@ -65,7 +70,7 @@ def write_page(
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
     >>> record = nlfrf.rig.simulate_servo(axis, ms, n_periods=2, base_velocity=0.1)
     >>> gains = Drive(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
-    >>> found = check([record], gains, conditions=[Conditions(motion=BaseMotion.MOVING, velocity=0.1)])
+    >>> found = check([record], gains)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(Path(folder, "page.html"), found, [record])
     ...     text = Path(folder, "page.html").read_text(encoding="utf-8")
@@ -74,67 +79,47 @@ def write_page(
     """
     path = page_path(path)
     require_kind("found", found, DriveCheck)
-    names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
-    if not records or len(names) != len(records):
-        raise ValueError(f"names must be one a trace, of at least one, got {len(names)} for {len(records)}")
+    if len(records) != len(found.traces):
+        raise ValueError(f"records must be the {len(found.traces)} traces that were checked, got {len(records)}")
     names = [  # levels of one pre-test may have one name
-        f"{name}, {np.std(record.u):.3g} {record.u_unit} rms" for name, record in zip(names, records, strict=True)
+        f"{trace.name}, {np.std(record.u):.3g} {record.u_unit} rms"
+        for trace, record in zip(found.traces, records, strict=True)
     ]
-    under = list(conditions) or [Conditions()] * len(records)
-    if len(under) != len(records):
-        raise ValueError(f"conditions must be one a trace, got {len(under)} for {len(records)}")
-    at_rest = {
-        name: record
-        for name, record, one in zip(names, records, under, strict=True)
-        if one.motion is not BaseMotion.MOVING
+    at_rest = {name: records[k] for k, name in enumerate(names) if not found.traces[k].moving}
+    pictures = {
+        "traces": _pictures_of_traces(records, names),
+        "loop": [
+            draw_picture("L in the complex plane, with discs of the set.", plot_nyquist, found.report, square=True),
+            draw_picture("Loop gain and sensitivities of the nominal loop.", plot_loop, found.report),
+            draw_picture("Stability of the set; it must stay below one.", plot_check, found.report),
+        ],
     }
-    lines = found.findings[0], *(f"{name}: {answer}" for name, answer in found.answers.items()), *found.findings[1:]
-    banner = Banner(style=_STYLES[found.verdict], heading=found.verdict.capitalize(), lines=lines)
-    sections = [
-        _traces_section(found, records, names),
-        _friction_section(found, at_rest),
-        _rest_section(found),
-        _loop_section(found),
-        *([] if found.step is None else [_step_section(found)]),
-        Section(name="words", title="Words", lead="What the words of this page mean.", printed=LEGEND),
-    ]
-    warned = tuple(doubt.description for doubt in found.doubts)
-    page = {"verdict": found.verdict, "banner": banner, "warnings": warned, "sections": sections}
-    write_text(path, render_page(title=title, notes="", **page))
+    pictures["friction"] = _pictures_of_friction(found, at_rest)
+    if found.step is not None:
+        unit = found.settings.base_unit
+        pictures["step"] = [draw_picture("A step of the position set point.", plot_step, found.step, unit=unit)]
+    text = render_page(
+        [replace(section, pictures=pictures.get(section.name, ())) for section in found.sections],
+        title=title,
+        verdict=found.verdict,
+        style=_STYLES[found.verdict],
+        heading=found.verdict.capitalize(),
+        lines=found.findings[:1],
+    )
+    write_text(path, text)
 
 
-def _traces_section(found: DriveCheck, records: Sequence[Record], names: Sequence[str]) -> Section:
-    """Return drive and traces, and the FRF of each with its bound."""
-    from nlfrf import plot
-
+def _pictures_of_traces(records: Sequence[Record], names: Sequence[str]) -> list[Picture]:
+    """Draw the FRF of each trace with its bound."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)  # they stand among those of the check
         blas = [nlfrf.identify(record) for record in records]
-    return Section(
-        name="traces",
-        title="Drive and traces",
-        lead="At rest friction holds the axis like a spring; in motion it slides, and the axis answers as a mass.",
-        facts=(
-            ("drive", f"{found.settings}\n{describe_parameters(found.settings)}"),
-            ("traces", "\n".join(found.traces)),
-            ("timing", found.assumption),
-        ),
-        pictures=(
-            parts.draw_picture(
-                plot.plot_blas,
-                blas,
-                names,
-                tall=True,
-                caption="FRF from force to position of each trace, with its 95 % bound.",
-            ),
-        ),
-    )
+    caption = "FRF from force to position of each trace, with its 95 % bound."
+    return [draw_picture(caption, plot_blas, blas, names, tall=True)]
 
 
-def _friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
-    """Return what was read of the friction, with the force over the position where machine and friction are known."""
-    from robust import plot
-
+def _pictures_of_friction(found: DriveCheck, at_rest: dict[str, Record]) -> list[Picture]:
+    """Draw force over position where machine and friction are known, the fit, and where the axis is in the end."""
     friction, pictures = found.friction, []
     fit, force = friction.fit, friction.force
     read, machine = fit or force, fit if force is None else force.sliding
@@ -142,34 +127,14 @@ def _friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
     if read is not None and machine is not None and one_mass and at_rest:
         loops = {name: force_over_position(record, machine) for name, record in at_rest.items()}
         caption = "Force that mass and viscous friction leave of the command, over the position: what sticks is a line."
-        pictures.append(parts.draw_picture(plot.plot_friction_force, loops, read, caption=caption))
-    if friction.fit is not None:
+        pictures.append(draw_picture(caption, plot_friction_force, loops, read))
+    if fit is not None:
         caption = "Stiffness and damping of the friction over the motion, measured and of the class that was read."
-        pictures.append(parts.draw_picture(plot.plot_friction_fit, friction.fit, tall=True, caption=caption))
-    return Section(
-        name="friction",
-        title="Friction",
-        lead="What the traces show of the friction, and what is proved with it.",
-        pictures=tuple(pictures),
-        printed=str(friction),
-    )
-
-
-def _rest_section(found: DriveCheck) -> Section:
-    """Return where the axis rests, or within which distance it moves, as it is and with each change that helps."""
-    from robust import plot
-
-    cases, unit = _rest_cases(found), found.settings.base_unit
-    caption = "Largest distance from the set point in the end, with the friction that is assumed or with a change."
-    return Section(
-        name="rest",
-        title="What rests where",
-        lead="Where the axis is in the end, at rest or hunting.",
-        facts=(("stiffness against a force on the axis", found.stiffness or ""),),
-        pictures=(parts.draw_picture(plot.plot_rest, cases, unit=unit, asked=found.asked, caption=caption),)
-        if cases
-        else (),
-    )
+        pictures.append(draw_picture(caption, plot_friction_fit, fit, tall=True))
+    if cases := _rest_cases(found):
+        unit, caption = found.settings.base_unit, "Largest distance from the set point in the end, at rest or hunting."
+        pictures.append(draw_picture(caption, plot_rest, cases, unit=unit, asked=found.asked))
+    return pictures
 
 
 def _rest_cases(found: DriveCheck) -> list[RestCase]:
@@ -190,41 +155,3 @@ def _rest_cases(found: DriveCheck) -> list[RestCase]:
         name = f"these gains, simulated in {seen.ended} runs" + " (hunts)" * seen.hunts
         cases.append(RestCase(name, None, 0.0 if far < SHOWN else far))
     return cases + [RestCase(cure.change, cure.verdict, cure.error) for cure in friction.cures]
-
-
-def _loop_section(found: DriveCheck) -> Section:
-    """Return the linear loop with its set: margins, Nyquist, stability."""
-    from robust import plot
-
-    return Section(
-        name="loop",
-        title="Linear loop",
-        lead=f"The set of plants around {found.base}, and the loop that the gains make with each of them.",
-        printed=str(found.report),
-        pictures=(
-            parts.draw_picture(
-                plot.plot_nyquist, found.report, square=True, caption="L in the complex plane, with discs of the set."
-            ),
-            parts.draw_picture(
-                plot.plot_loop, found.report, caption="Loop gain and sensitivities of the nominal loop."
-            ),
-            parts.draw_picture(plot.plot_check, found.report, caption="Stability of the set; it must stay below one."),
-        ),
-    )
-
-
-def _step_section(found: DriveCheck) -> Section:
-    """Return the step of the position set point."""
-    from robust import plot
-
-    return Section(
-        name="step",
-        title="Step of the position set point",
-        lead="Of the nominal linear loop, without limits of current and speed.",
-        facts=(("step", str(found.step)),),
-        pictures=(
-            parts.draw_picture(
-                plot.plot_step, found.step, unit=found.settings.base_unit, caption="A step of the position set point."
-            ),
-        ),
-    )

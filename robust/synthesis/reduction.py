@@ -8,7 +8,7 @@ from dataclasses import replace
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_count, format_paragraph, require_integer, require_nonnegative
+from nlfrf._base.arguments import format_count, require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.channels import is_known_on_lines
 from robust._base.types import Controller, LinearSystem, Weight
@@ -25,6 +25,8 @@ from robust.lti.truncation import balanced_candidates, coprime_factor_candidates
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM
 from robust.models.sets.measured import FrfSource
 from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.pages.section import Fact
+from robust.pages.text import format_facts
 
 _LEAST_RADIUS = 1e-9  # of the set that a plant alone stands for
 _MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
@@ -87,15 +89,15 @@ class Reduction:
         if self.order == self.full_order:
             return f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}): {self.reason}"
         end = "all that was proved is kept" if self.kept else f"not all that was proved is kept: {self.reason}"
-        rows = [f"order {self.full_order} to {self.order}, {self.method}: {end}"]
+        facts = []
         for label, report in (("before", self.before), ("reduced", self.report)):
             found = [report.headline]
             if np.isfinite(report.margins.rs):
                 found.append(f"max {'rs' if report.is_single else 'mu'} {1 / report.margins.rs:.3g}")
             if np.isfinite(report.margins.S_worst):
                 found.append(f"|S| reaches {report.margins.S_worst:.3g} over the set")
-            rows += format_paragraph(label, ", ".join(found))
-        return "\n".join(rows)
+            facts.append(Fact(label, ", ".join(found)))
+        return f"order {self.full_order} to {self.order}, {self.method}: {end}\n{format_facts(facts)}"
 
 
 def reduce_controller(

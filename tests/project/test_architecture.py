@@ -22,16 +22,17 @@ ARROWS = {
     "nlfrf.doctor": "",
     "robust._base": "",
     "robust.lti": "",
+    "robust.pages": "lti",
     "robust.proofs": "lti",
     "robust.mu": "proofs lti",
-    "robust.models": "mu proofs lti",
-    "robust.friction": "proofs lti",
-    "robust.analysis": "models mu proofs lti",
-    "robust.synthesis": "analysis friction models mu proofs lti",
+    "robust.models": "pages mu proofs lti",
+    "robust.friction": "pages proofs lti",
+    "robust.analysis": "pages models mu proofs lti",
+    "robust.synthesis": "pages analysis friction models mu proofs lti",
     "robust.plot": "synthesis analysis friction models lti",
     "robust.io": "synthesis analysis friction models proofs lti",
-    "robust.servo": "reports plot io synthesis analysis friction models lti",
-    "robust.reports": "io plot synthesis analysis friction models lti",
+    "robust.servo": "pages plot io synthesis analysis friction models lti",
+    "robust.reports": "pages io plot synthesis analysis friction models lti",
 }
 #: The same one level down: part -> the parts of the same package that it may import from.
 #: The modules that lie in the package itself are the part named ".".
@@ -63,13 +64,13 @@ FACES = {
 NLFRF_FACES = {"nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "io", "plot", "rig", "signals"))}
 #: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
-    "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes robust.reports.parts nlfrf.cli robust.cli",
+    "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes robust.pages.html nlfrf.cli robust.cli",
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
     "robust.friction.proof.multipliers robust.friction.proof.settling",
     "clarabel": "robust.synthesis.conic",
-    "jinja2": "robust.reports.parts",
+    "jinja2": "robust.pages.html",
     "jsonschema": "nlfrf._base.files",
     "flint": "robust.proofs.exact robust.friction.exact robust.models.sets.membership robust.mu.pieces",
     "anywidget": "robust.reports.shaping_page.widget",

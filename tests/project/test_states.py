@@ -41,7 +41,6 @@ REVIEWED = {
     "nlfrf.io.readers.layout:_first_lines": "the beginning of a file",
     "nlfrf.io.readers.twincat:_separate_by_tabs": "a file",
     "nlfrf._base.values:wrap_lines": "lines of what is printed, broken to fit a screen",
-    "nlfrf._base.arguments:format_paragraph": "the same",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
@@ -51,7 +50,6 @@ REVIEWED = {
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
     "robust.reports.data:cross_check_section": "the label of a row that gets another one",
     "robust.reports.data:nominal_section": "the label of a row that gets another one",
-    "robust.reports.verdicts:_verdict_rows": "the label of a row that gets another one",
     "robust.models.sets.model:__str__": "a unit",
 }
 

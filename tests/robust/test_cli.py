@@ -401,7 +401,7 @@ def test_the_check_warns_of_thin_margins_as_its_peak_says(robust_command):
     assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
     assert robust_command("design m.json --bandwidth 6 --sample-time 0.001 -o K.json")[0] == 0
     code, page, _ = robust_command("check m.json K.json")
-    largest = float(re.search(r"worst case: +\|S\| reaches (\S+) over the set, at ", page)[1])
+    largest = float(re.search(r"max \|S\|: +(\S+) at ", page)[1])
     assert (code, "thin margins" in page) == (0, largest > 2)
     for peak, warned in ((0.9 * largest, True), (1.1 * largest, False)):
         code, page, _ = robust_command(f"check m.json K.json --peak {peak}")

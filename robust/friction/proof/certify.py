@@ -35,6 +35,8 @@ from robust.friction.proof.settling import SettlingNumbers, largest_rest, settli
 from robust.friction.proof.storage import METHOD, JudgedStorage, certified_dissipation
 from robust.friction.units import MechanicalUnits, format_length
 from robust.lti.lti import timebase
+from robust.pages.section import Fact
+from robust.pages.text import format_facts
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.search.certificate import Certificate, failed_certificate
 
@@ -197,19 +199,25 @@ class FrictionProof:
     kick_linear: float = np.nan
     share: float = np.nan
 
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """Return the verdict with its claim, what is left open, the bound for any friction, and what is not claimed."""
+        settles, bounded = self.verdict is FrictionVerdict.SETTLES, np.isfinite(self.error_bound)
+        kick = f"surely, from a kick of {self.kick_sure:.3g} {self.units.velocity}"
+        return (
+            Fact(self.verdict, self.claim or self.reason),
+            Fact("rest not decided" if settles else "because", self.reason if self.claim else ""),
+            Fact(
+                "any friction",
+                format_length(self.error_bound, self.units.position) if bounded else "",
+                meaning="off at most in the end, at rest or hunting, up to the given force and in proportion to it",
+            ),
+            Fact("runs away", kick if np.isfinite(self.kick_sure) else ""),
+            Fact("not claimed", self.not_claimed),
+        )
+
     def __str__(self) -> str:
-        lines = [f"{self.verdict}: {self.claim or self.reason}"]
-        if self.claim and self.reason:
-            settles = self.verdict is FrictionVerdict.SETTLES
-            lines.append(f"Whether it comes to rest is not decided: {self.reason}." if settles else self.reason)
-        if np.isfinite(self.error_bound):
-            lines.append(
-                "Whatever the friction, if never above the given force: in the end, at rest or hunting, at most "
-                f"{format_length(self.error_bound, self.units.position)} off, in proportion to the force."
-            )
-        if np.isfinite(self.kick_sure):
-            lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} {self.units.velocity}.")
-        return "\n".join([*lines, self.not_claimed])
+        return format_facts(self.facts)
 
     @property
     def units(self) -> MechanicalUnits:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
 #: A pole this close to the stability boundary, in 1/s or in |z|, is on it.
 _ROUNDING = 1e-9
-_NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
+_NOT_CLAIMED = "{other}a saturated actuator, quantisation, another linear part."
 
 
 def prove_friction(

@@ -308,10 +308,9 @@ def _region_for_sector(
 
 
 _NOT_CLAIMED = (
-    "Not claimed: {other}friction above {Fs:g} {unit}, an actuator of less than {limit:g} {unit}, quantisation, "
-    "another linear part."
+    "{other}friction above {Fs:g} {unit}, an actuator of less than {limit:g} {unit}, quantisation, another linear part."
 )
-_NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
+_NO_ACTUATOR_CLAIM = "anything with an actuator that saturates."
 
 
 def limits_of_force(

@@ -37,6 +37,7 @@ from scipy.optimize import least_squares, nnls
 import nlfrf
 from nlfrf._base.values import ArrayField, value
 from robust.lti.sampling import hold_correction
+from robust.pages.section import Fact
 
 #: Steps of the motion per sample of the record, because the motion reverses and slips between samples: for the search
 #: of elements, for the search of other minima around the first, and for the final numbers.
@@ -129,18 +130,18 @@ class NumbersRead:
         return getattr(self, name) - half, getattr(self, name) + half
 
 
-def format_numbers(fit: NumbersRead) -> list[str]:
-    """Return a line for each number of a fit that has a standard deviation: its 95 % interval, or "left open"."""
-    rows = []
+def number_facts(fit: NumbersRead) -> list[Fact]:
+    """Return each number of a fit that has a standard deviation: its 95 % interval, or "left open"."""
+    facts = []
     for name, (label, unit, factor) in REPORTED.items():
         std = fit.stds.get(name, 0.0)
         if not np.isfinite(std):
-            rows.append(f"{label}: left open")
+            facts.append(Fact(label, "left open"))
         elif std:
             half = factor * HALF_WIDTH * std
             number = format_rounded(factor * getattr(fit, name), half)
-            rows.append(f"{label} = {number} +- {half:.1g} {unit_of(unit, fit.units)}".rstrip())
-    return rows
+            facts.append(Fact(label, f"{number} +- {half:.1g}", unit_of(unit, fit.units)))
+    return facts
 
 
 def format_rounded(number: float, half: float) -> str:

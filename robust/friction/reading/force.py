@@ -16,10 +16,19 @@ import numpy as np
 import nlfrf
 from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
-from robust.friction.reading.balance import HALF_WIDTH, as_real, force_of_motion, motion_of_record, unit_of
+from robust.friction.reading.balance import (
+    HALF_WIDTH,
+    as_real,
+    force_of_motion,
+    motion_of_record,
+    number_facts,
+    unit_of,
+)
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit, identify_sliding
 from robust.lti.sampling import hold_correction
+from robust.pages.section import Fact
+from robust.pages.text import format_facts
 
 #: Share of its peak that steps of the encoder may contribute to a force; beyond it the force is cut off in frequency.
 _MOST_STEPS = 0.015
@@ -136,24 +145,28 @@ class FrictionForce:
     contradiction: str = ""
     load: _CoupledLoad | None = None
 
-    def __str__(self) -> str:
-        units = self.sliding.units
-        kilo, late = unit_of("kF/L", units), f"bristles damped by at most {1e3 * self.bristle_time:.3g} ms of that"
-        rows = ["without a law of friction, from the force that the axis leaves of its command:"]
-        rows += str(self.sliding).splitlines()[:-1]
+    @property
+    def facts(self) -> list[Fact]:
+        """Return machine and friction, each number with its interval."""
+        units, (low, high) = self.sliding.units, self.K0 / 1e3
+        kilo, rows = unit_of("kF/L", units), number_facts(self.sliding)
         if np.isfinite(self.Fs).all():
-            rows.append(f"break-away force {self.Fs[0]:.4g} to {self.Fs[1]:.4g} {units[0]}")
-        if np.isfinite(self.K0[1]):
-            stiff = f"presliding stiffness {self.K0[0] / 1e3:.4g} to {self.K0[1] / 1e3:.4g} {kilo}"
-            rows.append(stiff + (f", {late}" if np.isfinite(self.bristle_time) else ""))
-        elif np.isfinite(self.K0[0]):
-            rows.append(f"presliding stiffness at least {self.K0[0] / 1e3:.4g} {kilo}: the encoder resolves no more")
+            rows.append(Fact("break-away force", f"{self.Fs[0]:.4g} to {self.Fs[1]:.4g}", units[0]))
+        if np.isfinite(high):
+            damped = f"its damping is at most {1e3 * self.bristle_time:.3g} ms of it"
+            damped *= bool(np.isfinite(self.bristle_time))
+            rows.append(Fact("presliding stiffness", f"{low:.4g} to {high:.4g}", kilo, damped))
+        elif np.isfinite(low):
+            rows.append(Fact("presliding stiffness", f"at least {low:.4g}", kilo, "the encoder resolves no more"))
         if np.isfinite(self.stribeck).all():
             speeds = " to ".join(f"{1e3 * one:.2g}" for one in self.stribeck)
-            rows.append(f"it falls with speed over {speeds} m{unit_of('L/s', units)}")
+            rows.append(Fact("falls with speed over", speeds, f"m{unit_of('L/s', units)}"))
         if self.creeps:
-            rows.append("friction creeps below break-away, or is damped there: it is no Maxwell slip")
-        return "\n".join(rows)
+            rows.append(Fact("below break-away", "the friction creeps, or is damped: it is no Maxwell slip"))
+        return rows
+
+    def __str__(self) -> str:
+        return format_facts(self.facts)
 
 
 class LevelPeak(NamedTuple):

@@ -37,11 +37,11 @@ from robust.friction.reading.balance import (
     element_spectra,
     escape,
     force_of_motion,
-    format_numbers,
     gain_of,
     largest_share,
     mode_error,
     motion_of_record,
+    number_facts,
     pack,
     reaction_of_load,
     refine,
@@ -59,6 +59,7 @@ from robust.friction.reading.balance import (
 from robust.friction.reading.levels import FEWEST_LINES, require_levels
 from robust.friction.reading.load import linear_load, start_with_load
 from robust.friction.units import format_length
+from robust.pages.text import format_facts
 
 #: (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their differences enter
 #: every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
@@ -274,7 +275,9 @@ class FrictionFit(NumbersRead):
             f"{format_length(self.seen_from, self.units[1])}; at most "
             f"{100 * max(level.unexplained for level in self.levels):.2g} % of the force unexplained"
         )
-        return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
+        return "\n".join(
+            [format_facts(number_facts(self)), last, *(f"Open: {question}" for question in self.questions)]
+        )
 
 
 #: Highest line, relative to the antiresonance of the load, at which two masses move like one.

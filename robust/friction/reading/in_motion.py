@@ -21,10 +21,10 @@ from robust.friction.reading.balance import (
     derived_numbers,
     deviations,
     extend,
-    format_numbers,
     mode_error,
     mode_term,
     motion_of_record,
+    number_facts,
     pack,
     refine,
     reweight,
@@ -33,6 +33,7 @@ from robust.friction.reading.balance import (
 )
 from robust.friction.reading.levels import require_si, weighted_mean
 from robust.friction.reading.load import fit_sliding_level
+from robust.pages.text import format_facts
 
 #: Numbers of a load that are estimated in addition to those of the whole.
 _COUPLED = ("load_mass", "coupling", "coupling_damping")
@@ -90,7 +91,7 @@ class SlidingFit(NumbersRead):
     def __str__(self) -> str:
         speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
         last = f"95 % intervals, in motion at {speeds}; break-away and K0 need levels at rest"
-        return "\n".join([*format_numbers(self), last])
+        return f"{format_facts(number_facts(self))}\n{last}"
 
 
 def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float], *, masses: int = 1) -> SlidingFit:

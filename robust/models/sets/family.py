@@ -34,6 +34,7 @@ from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, 
 from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
+from robust.pages.text import format_table
 
 _WEIGHTS = DIAGONAL, _FULL = ("diagonal", "full")
 _N_LINES, _BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far they go beyond it
@@ -166,9 +167,8 @@ class _FormRanking:
         return self.forms[0]
 
     def __str__(self) -> str:
-        width = max(map(len, self.forms))
         rows = zip(self.forms, self.measures, self.omega, strict=True)
-        return "\n".join([f"{form:{width}}  {size:.3f} at {omega:.4g} rad/s" for form, size, omega in rows])
+        return format_table([(form, f"{size:.3f} at {omega:.4g} rad/s") for form, size, omega in rows])
 
 
 def choose_form(

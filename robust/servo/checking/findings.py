@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import (
-    format_hertz,
-    format_paragraph,
-    ratio_unit,
-)
+from nlfrf._base.arguments import ratio_unit
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.types import JsonObject
-from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
+from nlfrf._base.values import to_plain, value
 from nlfrf.rig import Drive
 from robust._base.states import State
 from robust.analysis.performance import StepResponse
 from robust.analysis.report import RobustnessReport
 from robust.friction.units import format_length
+from robust.lti.grids import Peak
+from robust.pages.section import Fact, Section
+from robust.pages.text import format_sections
 from robust.servo.checking.friction import DriveFriction
 
 _FILTERED = "a filter that the gains do not name, or a mode above the band, which looks like one"
@@ -32,11 +30,16 @@ _AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
 
 
 #: What the words of the page mean.
-LEGEND = """line: an excited frequency; rms: on the lines, in parentheses of the whole trace with its noise
-radius: how far the FRF on a line may be from the model, relative to it; weight: bound of that error
-at all frequencies, above the radius; rs: weight times |T|, all plants are stable if it is below 1
-S = 1/(1 + L), T = 1 - S, L the loop gain; bandwidth of S: where |S| reaches 0.71
-disk margin: change of gain, of phase, or less of both; lower gain margin: how far the gain may fall"""
+_WORDS = {
+    "line": "an excited frequency",
+    "rms": "on the lines; all of it: of the whole trace, with its noise",
+    "radius": "how far the FRF on a line may be from the model, relative to it",
+    "weight": "bound of that error at all frequencies, above the radius",
+    "rs": "weight times |T|; all plants are stable if it is below 1",
+    "S, T": "S = 1/(1 + L) and T = 1 - S, with the loop gain L; |S| reaches 0.71 at the bandwidth of S",
+    "disk margin": "a change of gain, of phase, or of less of both, that the loop stands",
+}
+_TRACE_HEAD = ("trace", "force, rms", "all of it", "motion, rms", "all of it", "lines", "band")
 
 
 class DriveVerdict(State):
@@ -98,6 +101,26 @@ class Doubt(NamedTuple):
     description: str
 
 
+class Trace(NamedTuple):
+    """Force and motion of a trace, rms, on its lines and all of it; whether its axis moved; its lines and band [Hz]."""
+
+    name: str
+    force: tuple[float, float]
+    motion: tuple[float, float]
+    units: tuple[str, str]
+    moving: bool
+    n_lines: int
+    band: tuple[float, float]
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Return the row of a table, under `_TRACE_HEAD`."""
+        N, m = self.units
+        forces, motions = (f"{one:.3g} {N}" for one in self.force), (format_length(one, m) for one in self.motion)
+        first, last = self.band
+        return self.name, *forces, *motions, str(self.n_lines), f"{first:.4g} to {last:.4g} Hz"
+
+
 @value
 class DriveCheck:
     """What the traces of an axis say of the gains of its drive.
@@ -108,7 +131,7 @@ class DriveCheck:
         The gains, for a position in m or rad.
     unit : str
         Unit of the force that they ask for: "N", "Nm", or "A" without a torque constant.
-    traces : tuple of str
+    traces : tuple of Trace
         What each trace holds.
     base : str
         Which of them the set is made of.
@@ -130,7 +153,7 @@ class DriveCheck:
 
     settings: Drive
     unit: str
-    traces: tuple[str, ...]
+    traces: tuple[Trace, ...]
     base: str
     report: RobustnessReport
     step: StepResponse | None
@@ -214,19 +237,14 @@ class DriveCheck:
         interval = [None, None] if force is None else force.Fs.tolist()
         if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
             interval = list(fit.interval("Fs"))
-        played: dict[str, object] = dict.fromkeys(("simulated", "simulated_amplitude", "advice", "laws"))
-        if simulated is not None:
-            played = {
-                "simulated": "hunts" if simulated.hunts else "rests",
-                "simulated_amplitude": simulated.amplitude * simulated.hunts,
-                "advice": simulated.advice,
-                "laws": simulated.laws,
-            }
         asked = {
             "outcome": self.friction.outcome,
             "within": self.friction.within,
             "reason": self.friction.note,
-            **played,
+            "simulated": simulated and ("hunts" if simulated.hunts else "rests"),
+            "simulated_amplitude": simulated and simulated.amplitude * simulated.hunts,
+            "advice": simulated and simulated.advice,
+            "laws": simulated and simulated.laws,
             "mass": mass,
             "mass_interval": None if mass is None or known is None else known.interval("mass"),
             "delay": None if known is None else known.delay,
@@ -241,18 +259,18 @@ class DriveCheck:
             "linear": {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst},
             "friction": plain | {name: held for name, held in friction.items() if name not in plain},
             **{name: held for name, held in fields.items() if name != "verdict"},
+            "facts": to_plain({section.name: section.facts for section in self.sections}),
         }
 
     @property
-    def stiffness(self) -> str | None:
-        """The least stiffness of the axis in its loop, over frequency; None where it is not stable or not known."""
+    def stiffness(self) -> Peak | None:
+        """The least stiffness of the axis in its loop over frequency; None where it is not stable or not known."""
         G, K = self.report.curves.G, self.report.curves.K
         if G is None or K is None or not self.report.nominally_stable:
             return None
         stiffness = np.abs(1 + G * K) / np.abs(G)
         k = int(np.argmin(stiffness))
-        unit = ratio_unit(self.unit, self.settings.base_unit)
-        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.curves.omega[k])}; more at all others"
+        return Peak(float(stiffness[k]), float(self.report.curves.omega[k]))
 
     @property
     def assumption(self) -> str:
@@ -276,29 +294,50 @@ class DriveCheck:
             f"and the radius of the set what is left as misfit{more}"
         )
 
-    def __str__(self) -> str:
-        warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
-        first, more = wrap(f"{self.findings[0]}.", SCREEN_WIDTH), self.findings[1:]
-        answers = [row for question, answer in self.answers.items() for row in format_paragraph(question, answer)]
-        ratio, linear = ratio_unit(self.settings.base_unit, self.unit), replace(self.report, peak=np.inf)
-        parts = {
-            "gains": "\n".join(
-                [*first, *answers, *(row for one in more for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """Return the page: every fact that text, HTML and JSON show, in their order."""
+        settings, linear = self.settings, replace(self.report, peak=np.inf)  # thin margins are among the warnings
+        first, *more = self.findings
+        answers = [Fact(question, answer) for question, answer in self.answers.items()]
+        warned = [Fact("warning", doubt.description) for doubt in self.doubts]
+        verdict = [*answers, Fact("because", ". ".join(more)), *warned]
+        drive = [Fact("drive", str(settings)), Fact("set in the drive", _describe_parameters(settings))]
+        loop = [*linear.claims, *linear.findings, *linear.details]
+        if self.stiffness is not None:
+            unit = ratio_unit(self.unit, settings.base_unit)
+            loop.append(Fact("stiffness", self.stiffness, unit, "the least over frequency, of a force on the axis"))
+        around = f"The set of plants around {self.base} [{ratio_unit(settings.base_unit, self.unit)}]"
+        smoothed = f"kv/(s + kv) smooths the set point; a force meets the {linear.classical.facts[1]}"
+        step = () if self.step is None else self.step.facts
+        step = [replace(fact, meaning=smoothed) if fact.unit == "%" else fact for fact in step]
+        motion = "At rest friction holds the axis like a spring; in motion it slides, and the axis answers as a mass."
+        return (
+            Section("gains", "Gains", f"{first}.", verdict),
+            Section(
+                "traces",
+                "Drive and traces",
+                motion,
+                facts=[*drive, Fact("timing", self.assumption)],
+                table=[_TRACE_HEAD, *(trace.row for trace in self.traces)],
             ),
-            "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
-            "traces": "\n".join([*self.traces, self.assumption]),
-            f"linear loop, from {self.base} ({ratio})": str(linear),  # its thin margins are among the warnings
-            "stiffness against a force on the axis, nominal": self.stiffness,
-            "friction": str(self.friction),
-            "step of the position set point": self.step
-            and f"of any size, in parts of it, linear, without limits: {self.step}",
-            "words": LEGEND,
-        }
-        return "\n\n".join(f"{title}\n{content}" for title, content in parts.items() if content)
+            *self.friction.sections,
+            Section("loop", "Linear loop", f"{around}, and the loop that the gains make with each of them.", loop),
+            Section(
+                "step",
+                "Step of the position set point",
+                "Of any size, of the nominal linear loop, without limits of current and speed.",
+                facts=step,
+            ),
+            Section("words", "Words", facts=[Fact(*words) for words in _WORDS.items()]),
+        )
+
+    def __str__(self) -> str:
+        return format_sections(self.sections)
 
 
-def describe_parameters(settings: Drive) -> str:
-    """Say which of the settings are typed into the drive, and what an ampere is."""
+def _describe_parameters(settings: Drive) -> str:
+    """Return which of the settings are typed into the drive, and what an ampere is."""
     observed = settings.velocity_from == "observer"
     typed = {
         "kv": settings.kv,
@@ -310,19 +349,23 @@ def describe_parameters(settings: Drive) -> str:
     }
     ampere = settings.output_unit == "A" and bool(np.isfinite(settings.torque_constant))
     names = ", ".join(name for name, is_set in typed.items() if is_set)
-    return f"to be set in the drive: {names}; the rest is the drive as it is" + _AMPERE_NOTE * ampere
+    return f"{names}; the rest is the drive as it is" + _AMPERE_NOTE * ampere
 
 
-def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:
-    """Level and band of a trace, a row: rms on the excited lines, and of all that was recorded."""
+def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla, moving: bool) -> Trace:
+    """Return level and band of a trace; one that is not known to be in motion counts as at rest."""
     force, motion = (
         np.sqrt(np.sum(np.abs(np.fft.rfft(signal.mean(axis=-2))[..., record.lines.excited]) ** 2) / 2)
         * 2
         / record.n_samples
         for signal in (record.u[0], record.y[0])
     )
-    all_force, all_motion = np.sqrt(np.mean(record.u**2)), np.std(record.y)
-    return (
-        f"{name}: {force:.3g} {record.u_unit} rms ({all_force:.3g}), {motion:.3g} {record.y_unit} rms "
-        f"({all_motion:.3g}); {bla.f.size} lines from {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz"
+    return Trace(
+        name=name,
+        force=(force, np.sqrt(np.mean(record.u**2))),
+        motion=(motion, np.std(record.y)),
+        units=(record.u_unit, record.y_unit),
+        n_lines=bla.f.size,
+        moving=moving,
+        band=(bla.f[0], bla.f[-1]),
     )

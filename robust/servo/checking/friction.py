@@ -21,13 +21,14 @@ from robust.friction.plant import FrictionPlant, pad_states
 from robust.friction.proof.certify import FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, FrictionClass
-from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
+from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_rounded, number_facts, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
 from robust.friction.reading.friction_class import friction_class
 from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, format_plain
+from robust.pages.section import Fact, Section
 from robust.servo.checking.cures import FrictionCure, friction_cures
 from robust.servo.checking.simulation import SimulatedRest
 from robust.servo.gains.p_pi import cascade
@@ -42,11 +43,14 @@ _FORCE_NOTE = (
     "Mass, stiffness and forces are as good as what scales the trace to {unit}, such as the force constant: an error "
     "of that is in no interval."
 )
+_STIFFNESS_NOTE = (
+    "rms force on the lines, and stiffness of the friction over K0. Near 100 % friction sticks and gives K0; near 0 % "
+    "it slides and gives mass, viscous friction and the forces; levels between give the transition"
+)
 #: What the bound of a stated force is of, where no friction was read.
 _BOUNDED_NOTE = (
-    "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
-    "is not judged. The bound is of {machine}, with the friction where the motor acts, or at the load where one was "
-    "read and that is worse."
+    "how far the axis moves in the end, at rest or hunting, by the largest friction force, at the motor or at the load "
+    "where one was read and that is worse; whether it comes to rest is not judged"
 )
 #: Machines of such a bound.
 MODEL = "the nominal model"
@@ -237,30 +241,36 @@ class DriveFriction:
             answer = f". Asked were {format_length(asked, unit)}: {answer}"
         return distance + answer
 
-    def __str__(self) -> str:
-        not_run = f"not simulated: {self.unsimulated}" if self.unsimulated else ""
-        return "\n".join(filter(None, [str(self.simulated or ""), self.describe_proof(), not_run]))
-
-    def describe_proof(self) -> str:
-        """Say what was read and what is proved."""
-        without_law = [] if self.force is None else [str(self.force)]
-        bounded = []
-        if self.bounded is not None:
-            bounded = [
-                _BOUNDED_NOTE.format(machine=self.bounded_machine),
-                self.bounded.claim or self.bounded.reason,
-                self.bounded.not_claimed,
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """Return what was read of the friction and what is proved with it, then what was read without a law."""
+        fit, bounded, table = self.fit, self.bounded, ()
+        facts = [Fact("simulated", str(self.simulated or "")), Fact("not simulated", self.unsimulated)]
+        if fit is not None and self.assumed is not None:
+            facts += [
+                *_describe_reading(fit),
+                Fact("assumption", ASSUMPTION_NOTE),
+                *replace(self.proofs[0], error_bound=self.error_bound).facts,
+                Fact("scope", " ".join(self.describe_scope())),
+                *(Fact("a change", str(cure)) for cure in self.cures),
             ]
-        if self.fit is None or self.assumed is None:
-            rows = []
-            if self.fit is not None and any(0 < std < np.inf for std in self.fit.stds.values()):
-                rows = [f"read from {len(self.fit.levels)} traces at rest:", *format_numbers(self.fit)]
-            not_judged = "rest not judged" if bounded else "not judged"
-            return "\n".join([*rows, f"{not_judged}: {self.note}", *without_law, *bounded])
-        rows = [_describe_reading(self.fit), *_tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
-        rows += [_FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
-        rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
-        return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures), *without_law, *bounded])
+            table = _tabulate_assumptions(fit, self.assumed, self.known_delay)
+        else:
+            facts.append(Fact("not judged" if bounded is None else "rest not judged", self.note))
+            if fit is not None and any(0 < std < np.inf for std in fit.stds.values()):
+                facts += [Fact("read from", f"{len(fit.levels)} traces at rest"), *number_facts(fit)]
+        if bounded is not None:
+            facts += [
+                Fact("bound", bounded.claim or bounded.reason),
+                Fact("bound of", self.bounded_machine, meaning=_BOUNDED_NOTE),
+                Fact("not claimed", bounded.not_claimed),
+            ]
+        lead = "What the traces show of the friction, and what is proved with it."
+        law = Section("friction", "Friction", lead, facts=facts, table=table)
+        if self.force is None:
+            return (law,)
+        lead = "Read from the force that the axis leaves of its command: 95 % intervals, whatever the law of friction."
+        return law, Section("force", "Friction without a law", lead, facts=self.force.facts)
 
     def describe_scope(self) -> list[str]:
         """Say where a proved loop rests, for which other machines and delays it is proved, and the force of a bound."""
@@ -278,25 +288,32 @@ class DriveFriction:
         return rows
 
 
-def _describe_reading(fit: FrictionFit) -> str:
-    """Say which trace gives which number, by how stiff its friction is over K0."""
+def _describe_reading(fit: FrictionFit) -> list[Fact]:
+    """Return which trace gives which number, by how stiff its friction is over K0, and what the reading leaves open."""
     free = "" if fit.stds["stiffness"] else ", of a machine without a spring to ground"
     levels = sorted(fit.levels, key=lambda level: level.force)
     stiff = ", ".join(
-        f"{level.force:.3g} {fit.units[0]} {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %" for level in levels
+        f"{level.force:.3g} {fit.units[0]}: {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %" for level in levels
     )
-    return (
-        f"read from {len(levels)} traces at rest{free}; rms on the lines, and stiffness of the friction over K0: "
-        f"{stiff}. Near 100 % friction sticks and gives K0; near 0 % it slides and gives mass, viscous friction and "
-        "the forces; levels between give the transition."
-    )
+    unexplained = 100 * max(level.unexplained for level in levels)
+    seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
+    if fit.stds["stiffness"]:
+        seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
+    return [
+        Fact("read from", f"{len(levels)} traces at rest{free}"),
+        Fact("sticks, bends, slides", stiff, meaning=_STIFFNESS_NOTE),
+        Fact("class read", f"Maxwell slip of {fit.element_stiffness.size} elements none of which {seen}"),
+        Fact("unexplained", f"{unexplained:.2g}", "%", "of the force at most, at any level"),
+        *(Fact("open", question) for question in fit.questions),
+        Fact("scale", _FORCE_NOTE.format(unit=fit.units[0])),
+    ]
 
 
-def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> list[str]:
+def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> tuple[tuple[str, ...], ...]:
     """Return the table of what was read, what the proof assumes of it, and why; `known_delay` [s] is the drive's."""
     delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
     assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(fit, assumed) | {"delay": delay}
-    table = [("", "read (95 %)", "assumed", "why")]
+    table: list[tuple[str, ...]] = [("number", "read (95 %)", "assumed", "why")]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
         if not half or name not in assumptions:
@@ -306,17 +323,7 @@ def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay:
         )
         quantity = f"{label} [{unit_of(unit, fit.units)}]" if unit else label
         table.append((quantity, read, *assumptions[name]))
-    widths = [max(map(len, column)) + 2 for column in list(zip(*table, strict=True))[:3]]
-    rows = ["".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)) + row[3] for row in table]
-    unexplained = 100 * max(level.unexplained for level in fit.levels)
-    seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
-    if fit.stds["stiffness"]:
-        seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
-    rows.append(
-        f"given Maxwell slip of {fit.element_stiffness.size} elements none of which {seen}; at most "
-        f"{unexplained:.2g} % of the force unexplained"
-    )
-    return [*rows, *(f"Open: {question}" for question in fit.questions)]
+    return tuple(table)
 
 
 #: Of a force that the class does not limit.

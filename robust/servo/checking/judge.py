@@ -208,7 +208,7 @@ def check(
     return DriveCheck(
         settings=settings,
         unit=unit,
-        traces=tuple(map(describe_trace, names, records, blas)),
+        traces=tuple(describe_trace(names[k], record, blas[k], k in moving) for k, record in enumerate(records)),
         base=names[chosen],
         report=_report_of_drive(report, misled=misled),
         step=_step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,

@@ -62,7 +62,7 @@ SHOWN = 1e-9
 _KEPT = "the linear loop passes with it"
 
 
-@value
+@value(in_sentences=True)
 class SimulatedRest:
     """What an axis does in the end, in simulations of it.
 
@@ -121,7 +121,7 @@ class SimulatedRest:
         does = f"rests in {ended - self.count if self.count else 'all'}"
         if self.hunts:
             does = f"hunts {self.describe_swing()}, in {self.count}"
-        return f"simulated: {does} of {of}{self.describe_end()}"
+        return f"{does} of {of}{self.describe_end()}"
 
     @property
     def offset(self) -> float:

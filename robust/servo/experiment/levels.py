@@ -18,6 +18,7 @@ from nlfrf._base.numbers import clipped_share, smallest_step, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.io import in_design_units
 from nlfrf.signals import AxisExperiment
+from robust.pages.text import format_table
 from robust.servo.experiment.loop import record_spectra
 
 _LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
@@ -110,18 +111,17 @@ class AxisLevels:
 
     def __str__(self) -> str:
         force, position = self.units
-        head = f"to ask for {force} rms  measured {force} rms  position {position} rms  stiffness {force}/{position}"
-        rows = [f"level  {head}"]
-        widths = [len(name) for name in head.split("  ")]
-        for k, state in enumerate(self.states):
-            numbers = (self.set_point_rms[k], self.force_rms[k], self.position_rms[k], self.stiffness[k])
-            columns = "  ".join(f"{number:{width}.4g}" for number, width in zip(numbers, widths, strict=True))
-            rows.append(f"{k + 1:5d}  {columns}  {state.value}")
+        units = f"{force} rms", f"{force} rms", f"{position} rms", f"{force}/{position}"
+        names = ("to ask for", "measured", "position", "stiffness")
+        rows = [("level", *map(" ".join, zip(names, units, strict=True)), "")]
+        columns = zip(self.set_point_rms, self.force_rms, self.position_rms, self.stiffness, self.states, strict=True)
+        for k, (*numbers, state) in enumerate(columns):
+            rows.append((str(k + 1), *(f"{number:.4g}" for number in numbers), state.value))
         taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, _TAKEN, strict=False))
         if self.reason:
-            return "\n".join([*rows, self.reason])
-        rows.append("to ask for: a force of the designed spectrum that moves the axis as far as the measured one")
-        return "\n".join([*rows, f"take, as rms of the force set point: {taken}"])
+            return f"{format_table(rows)}\n{self.reason}"
+        asked = "to ask for: a force of the designed spectrum that moves the axis as far as the measured one"
+        return f"{format_table(rows)}\n{asked}\ntake, as rms of the force set point: {taken}"
 
 
 _TAKEN = ("sticks", "bends", "slides")

@@ -379,7 +379,7 @@ def test_the_worst_performance_stands_with_its_own_frequency():
     model = UncertaintyModel(LAG, w, "multiplicative", omega, 0.9 * np.abs(w(1j * omega)), perturbation="LTI")
     w_P = control.tf([0.9, 0.72], [1, 0.1])
     report = check(model, 8, w_P=w_P)
-    value, frequency = map(float, re.search(r"worst case (\S+) at (\S+) Hz; demand", unwrapped(str(report))).groups())
+    value, frequency = map(float, re.search(r"performance: (\S+) at (\S+) Hz: demand", unwrapped(str(report))).groups())
     s = 2j * np.pi * frequency
     S, a, b = perturbed_sensitivity_terms("multiplicative", w(s), G=LAG(s), K=8.0)
     assert np.abs(w_P(s)) * worst_sensitivity(S, a, b) == pytest.approx(value, rel=1e-3)

@@ -26,7 +26,8 @@ from robust import (
     uncertainty,
 )
 from robust.models.sets.records import Origin
-from robust.reports import parts as report_parts
+from robust.pages import html as pages_html
+from robust.pages.section import Picture
 from robust.reports import sections as report_sections
 from robust.reports import write_report
 from robust.shaping import crossover_weight, write_shaping_page
@@ -133,8 +134,8 @@ def test_it_tells_the_whole_run(whole):
     assert "Second try" in page.text
     for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(rig_model())):
         assert " ".join(said.split()) in page.text
-    for number in (f"{report.margins.disk:.3f}", f"{1 / report.margins.rs:.3f}", f"{np.max(report.curves.rp):.3f}"):
-        assert number in page.text
+    for number in (report.margins.disk, 1 / report.margins.rs, np.max(report.curves.rp)):
+        assert f"{number:.4g}" in page.text
     for certificate in report.proofs.certificates:
         assert certificate.method in page.text
     assert f"numpy {np.__version__}" in page.text
@@ -163,9 +164,7 @@ def test_the_same_run_gives_the_same_pictures(whole):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Reports whose words are looked at and whose pictures are not."""
-    monkeypatch.setattr(
-        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
-    )
+    monkeypatch.setattr(pages_html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
 
 
 def test_a_browser_shows_it(whole, tmp_path):

@@ -233,7 +233,7 @@ def test_what_is_said():
     assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction with a presliding")
     assert "up to 64 kN/m" in text
     assert "sampled at 1 kHz" in text
-    assert "Not claimed: a law that creeps below break-away (LuGre, Dahl, Leuven)" in text
+    assert "not claimed: a law that creeps below break-away (LuGre, Dahl, Leuven)" in text
     assert proof.error_bound == pytest.approx(9.379e-5, rel=2e-3)
     assert np.isnan(proof.kick_sure)
 
