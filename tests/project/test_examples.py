@@ -122,7 +122,7 @@ PRINTED = {
     "18_proof_with_friction": [
         r"K0\s+=\s+9\d\.\d+\s+kN/m,",
         r"--- PID ---\nproved: +Comes to rest from every state with every\s+Maxwell-slip\s+friction",
-        r"--- integrator alone ---\nrefuted: the sliding loop is unstable",
+        r"--- integrator alone ---\nrefuted: +the sliding loop is unstable",
         r"runs away: +surely, from a kick of 0\.2\d\d m/s",
         r"not every friction of the class:\s+with a spring of\s+9\d\.\d+\s+kN/m",
         r"PID +proved +a friction of the class +0 of 12",

@@ -320,8 +320,8 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     save(control.ss([], [], [], 500 * np.eye(2), T), "large.json")
     code, out, err = robust_command("check m.json small.json large.json -o r.txt --picture c.png")
     assert code == 1, err
-    assert "small.json:\nverdict:     STATISTICALLY ROBUST" in out
-    assert "large.json:\nverdict:     NOT ROBUST" in out
+    assert re.search(r"small\.json:\nverdict: +STATISTICALLY ROBUST", out)
+    assert re.search(r"large\.json:\nverdict: +NOT ROBUST", out)
     assert "STATISTICALLY ROBUST" in (tmp_path / "r-small.txt").read_text()
     code, out, err = robust_command("verify r-small.certificate.json --model m.json --controller small.json")
     assert (code, out.splitlines()[-1]) == (0, "VERIFIED"), err
@@ -330,7 +330,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     for picture in ("m.png", "c-small.png", "c-large.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     code, out, err = robust_command("check m.json small.json --bandwidth 0.01 --peak 4 --no-certify")
-    assert "performance: max mu" in out
+    assert re.search(r"performance: +\S+ at .*max mu, allowed is 1", " ".join(out.split()))
     code, out, err = robust_command("export m.json -o m.mat")
     assert not code, err
     code, _, err = robust_command("shape m.json -o s.html")

@@ -31,17 +31,17 @@ def test_a_loop_that_misses_its_demand_is_not_called_robust_alone(judge, missed)
     report = judge(0.25)
     assert report.verdict == "robust"
     assert report.performance == missed
-    assert str(report).startswith(f"verdict:     ROBUST, PERFORMANCE {missed.upper()}: ")
+    assert " ".join(str(report).split()).startswith(f"verdict: ROBUST, PERFORMANCE {missed.upper()}: ")
     assert f"demand {missed} for the whole set" in " ".join(str(report).split())
     if judge is several:
-        assert "above the 1 that is allowed" in " ".join(str(report).split())
+        assert "max mu, allowed is 1" in " ".join(str(report).split())
 
 
 @pytest.mark.parametrize("judge", [single, several])
 def test_a_loop_that_meets_it_is(judge):
     report = judge(2.0)
     assert report.performance == "met"
-    assert str(report).startswith("verdict:     ROBUST: ")
+    assert " ".join(str(report).split()).startswith("verdict: ROBUST: ")
     assert "demand met for the whole set" in " ".join(str(report).split())
 
 
@@ -71,7 +71,7 @@ def test_a_verdict_says_in_twenty_words_what_it_means(meaning):
 
 def test_conditions_stand_below_the_verdict_one_a_line():
     model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]))
-    rows = str(check(model, 2.0)).splitlines()
+    rows = check(model, 2.0).summary.splitlines()
     assert rows[0].startswith("verdict:     STATISTICALLY ROBUST: this controller keeps every linear plant")
     assert [row for row in rows if row.startswith("condition:")] == [
         'condition:   no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
