@@ -216,7 +216,7 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
 
     code, out, _ = run("0.npz 1.npz 2.npz K.json --stiction 1.2 --force 1 -o proof.txt")
     assert code == 0
-    assert "proved: Comes to rest from every state with every Maxwell-slip friction" in out
+    assert "proved: Comes to rest from every state with every Maxwell-slip friction" in unwrapped(out)
     text = (tmp_path / "proof.txt").read_text()
     assert text.removesuffix("\n\n(written by 'robust prove')\n") in out
     assert robust.io.verify_certificate("proof.certificate.json").verified
@@ -225,7 +225,7 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     code, out, _ = run("m.json K.json --stiffness 74e3 --stiction 1.2")
     assert code == 0
     assert "model of order 2" in unwrapped(out)
-    assert out.count("proved: Comes to rest") == 2  # without damping, and with that of the fit
+    assert unwrapped(out).count("proved: Comes to rest") == 2  # without damping, and with that of the fit
     assert "modal damping" in unwrapped(out)
     code, out, _ = run("0.npz 1.npz 2.npz K.json --nominal m.json --stiction 1.2")
     assert code == 0
