@@ -26,7 +26,7 @@ PAGES = [
 
 
 #: Pages that take seconds.
-SLOW = {"axis", "extend", "from_matlab", "servo_axis"}
+SLOW = {"friction_classes", "axis", "extend", "from_matlab", "servo_axis"}
 
 
 @pytest.mark.parametrize(
