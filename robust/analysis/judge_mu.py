@@ -50,7 +50,7 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
         taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
     if taken.nominally_stable:
         system = loop.sensitivity(form)
-        S = set_gain(system.N, system.structure, curve=False)
+        S = set_gain(system.N, system.structure, curve=False, certify=effort.certify)
         margins = replace(taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines)
         taken = replace(taken, margins=margins)
     return _add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken

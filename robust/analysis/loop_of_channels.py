@@ -106,13 +106,17 @@ class _SetGain:
         return peak_of(self.omega, self.gain)
 
 
-def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True) -> _SetGain:
-    """Bound the largest gain over a set at all frequencies; the curve is left out but at its largest value if asked."""
-    found = bound_set_gain(N, blocks)
-    omega = np.array([found.omega])
-    if curve or not found.is_proved:
+def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certify: bool = True) -> _SetGain:
+    """Bound the largest gain over a set.
+
+    curve : whether the bound is wanted at other frequencies than that of its largest value, too.
+    certify : whether it is proved at all frequencies, or computed on those of a grid.
+    """
+    found = bound_set_gain(N, blocks) if certify else None
+    omega = np.array([]) if found is None else np.array([found.omega])
+    if curve or found is None or not found.is_proved:
         omega = np.union1d(structure_grid(N)[1:], omega)
     gain = gain_bound(response_by_channel(N, omega), blocks)
-    if not found.is_proved:
+    if found is None or not found.is_proved:
         return _SetGain(omega=omega, gain=gain, n_lines=omega.size)
     return _SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))

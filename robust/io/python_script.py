@@ -16,23 +16,6 @@ from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import ADDITIVE, BLOCK_FORMS, ELEMENTS, FORMS
 from robust.models.sets.model import UncertaintyModel, require_parametric
 
-#: Form -> what is at most one for robust stability, from responses: SP 7.5 (gap metric: Vinnicombe), 8.6.
-_MEASURES = {
-    "multiplicative": "abs(W * G * K / (1 + G * K))",
-    "additive": "abs(W * K / (1 + G * K))",
-    "inverse-multiplicative": "abs(W / (1 + G * K))",
-    "inverse-additive": "abs(W * G / (1 + G * K))",
-    "coprime": "abs(W / (1 + G * K)) * np.hypot(1, abs(Ws * G)) * np.hypot(1, abs(K / Ws))",
-}
-_MATRIX_MEASURES = {
-    "additive": "K @ S",
-    "input": "K @ S @ G",
-    "output": "G @ K @ S",
-    "inverse-additive": "S @ G",
-    "inverse-input": "np.eye(len(K)) - K @ S @ G",
-    "inverse-output": "S",
-}
-
 
 def export_python(model: UncertaintyModel, path: PathLike) -> None:
     """Write a model as a script for a colleague who has python-control and not this package.
@@ -78,7 +61,8 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
     systems = {"G": model.nominal}
     if single:
         systems["W"] = model.weight
-        formula, measure = FORMS[model.form].matlab_expression, _MEASURES[model.form]
+        row = FORMS[model.form]
+        formula, measure = row.matlab_expression, row.python_measure
         if model.scaling:
             factors = factor_systems(in_series(model.nominal, model.shaping))
             systems |= {"Ws": model.shaping, "N": factors[0], "M": factors[1]}
@@ -90,10 +74,8 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
             through = (control.StateSpace([], [], [], D, dt) for D in (reads, adds))
             sides = {"Wr": in_series(next(through), sides["Wr"]), "Wl": next(through)}
         systems |= sides
-        formula, form = (
-            ("G + Wl * Delta * Wr", ADDITIVE) if elements else (BLOCK_FORMS[model.form].matlab_expression, model.form)
-        )
-        measure = f"np.linalg.norm(Wr @ ({_MATRIX_MEASURES[form]}) @ Wl, 2)"
+        block = BLOCK_FORMS[ADDITIVE if elements else model.form]
+        formula, measure = block.matlab_expression, f"np.linalg.norm(Wr @ ({block.python_measure}) @ Wl, 2)"
     # the expression of MATLAB, but for its row vectors and quotients
     formula = formula.replace("[1 0] * Delta", "Delta[0, 0]").replace("[0 1] * Delta", "Delta[1, 0]")
     formula = formula.replace(") / (", ") * inverse(").replace(" / Ws", " * inverse(Ws)")

@@ -73,6 +73,18 @@ class Learning:
     References
     ----------
     Bristow, Tharayil & Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26(3), 2006.
+
+    Examples
+    --------
+    >>> import robust
+    >>> lag, w = robust.sampled(control.tf([1], [1, 1]), 0.1), control.ss([], [], [], [[0.2]], 0.1)
+    >>> model = robust.UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.2, 0.2]),
+    ...     perturbation="LTI")
+    >>> K = control.ss([], [], [], [[1.0]], 0.1)
+    >>> learning = Learning(model, K, 0.0, "set", omega_Q=np.inf, factor=0.8, full=0.8)
+    >>> centre, radius = learning.disc(np.array([1e-3]))
+    >>> round(float(centre[0].real), 3), round(float(radius[0]), 3)                     # T and w |T|, about, of T = 1/2
+    (0.505, 0.051)
     """
 
     model: UncertaintyModel
@@ -304,6 +316,7 @@ def design_learning(
     --------
     A lag with an uncertain gain: at low frequency T is near 1/2, and x = 0.2/2/(1 - 0.04/2).
 
+    >>> import robust
     >>> lag, w = robust.sampled(control.tf([1], [1, 1]), 0.1), control.ss([], [], [], [[0.2]], 0.1)
     >>> model = robust.UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.2, 0.2]),
     ...     perturbation="LTI")

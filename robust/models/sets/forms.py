@@ -65,6 +65,8 @@ class Form:
         The closed-loop function that w weighs, as `mixsyn` names its weights; "" where that is none of them.
     matlab_expression : str
         The uncertain plant in MATLAB's Robust Control Toolbox.
+    python_measure : str
+        The measure of robust stability from responses, as a Python expression (SP 7.5; coprime: Vinnicombe).
     rs_measure : (w, b) -> (W,)
         The quantity that is below one for robust stability, in proportion to |w|.
     scale_for : (w, x) -> (W,)
@@ -90,6 +92,7 @@ class Form:
     delay_order: int
     weighted_transfer: str
     matlab_expression: str
+    python_measure: str
     rs_measure: Callable[[Array, Array], Array] = lambda w, b: np.abs(b)
     scale_for: Callable[[Array, Array], Array] = lambda w, x: x
     phase_offset: Callable[[control.StateSpace, control.StateSpace, float], complex] = lambda G, w, omega: 1.0
@@ -153,6 +156,7 @@ FORMS = {
             delay_order=0,
             weighted_transfer="w_T",
             matlab_expression="G * (1 + W * Delta)",
+            python_measure="abs(W * G * K / (1 + G * K))",
         ),
         Form(
             name="additive",
@@ -170,6 +174,7 @@ FORMS = {
             delay_order=1,
             weighted_transfer="w_u",
             matlab_expression="G + W * Delta",
+            python_measure="abs(W * K / (1 + G * K))",
         ),
         Form(
             name="inverse-multiplicative",
@@ -187,6 +192,7 @@ FORMS = {
             delay_order=0,
             weighted_transfer="w_P",
             matlab_expression="G * feedback(1, W * Delta)",
+            python_measure="abs(W / (1 + G * K))",
         ),
         Form(
             name="inverse-additive",
@@ -204,6 +210,7 @@ FORMS = {
             delay_order=-1,
             weighted_transfer="",
             matlab_expression="feedback(G, W * Delta)",
+            python_measure="abs(W * G / (1 + G * K))",
         ),
         Form(
             name="coprime",
@@ -221,6 +228,7 @@ FORMS = {
             delay_order=0,
             weighted_transfer="",
             matlab_expression="(N + W * [1 0] * Delta) / (M + W * [0 1] * Delta) / Ws",
+            python_measure="abs(W / (1 + G * K)) * np.hypot(1, abs(Ws * G)) * np.hypot(1, abs(K / Ws))",
             rs_measure=lambda w, b: np.sqrt(np.abs(b) ** 2 * (1 - np.abs(w) ** 2) + np.abs(w) ** 2),
             scale_for=lambda w, x: x / np.sqrt(1 + (x**2 - 1) * np.abs(w) ** 2),
             phase_offset=coprime_phase_offset,
@@ -251,6 +259,8 @@ class MatrixForm:
         The form of one channel that it is there.
     matlab_expression : str
         The uncertain plant in MATLAB's Robust Control Toolbox.
+    python_measure : str
+        The response between W_l and W_r in the loop, as a Python expression (SP 8.6).
     """
 
     name: str
@@ -261,6 +271,7 @@ class MatrixForm:
     weighed: Callable[[Array, Array, Array], Array]
     one_channel: str
     matlab_expression: str
+    python_measure: str
 
     @property
     def needs_square_plant(self) -> bool:
@@ -288,6 +299,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: np.linalg.pinv(G) @ T,
             one_channel="additive",
             matlab_expression="G + Wl * Delta * Wr",
+            python_measure="K @ S",
         ),
         MatrixForm(
             name="input",
@@ -298,6 +310,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: T,
             one_channel="multiplicative",
             matlab_expression="G * (eye(nu) + Wl * Delta * Wr)",
+            python_measure="K @ S @ G",
         ),
         MatrixForm(
             name="output",
@@ -308,6 +321,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: T,
             one_channel="multiplicative",
             matlab_expression="(eye(ny) + Wl * Delta * Wr) * G",
+            python_measure="G @ K @ S",
         ),
         MatrixForm(
             name="inverse-additive",
@@ -318,6 +332,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: S @ G,
             one_channel="inverse-additive",
             matlab_expression="feedback(G, Wl * Delta * Wr)",
+            python_measure="S @ G",
         ),
         MatrixForm(
             name="inverse-input",
@@ -328,6 +343,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: S,
             one_channel="inverse-multiplicative",
             matlab_expression="G * feedback(eye(nu), Wl * Delta * Wr)",
+            python_measure="np.eye(len(K)) - K @ S @ G",
         ),
         MatrixForm(
             name="inverse-output",
@@ -338,6 +354,7 @@ BLOCK_FORMS = {
             weighed=lambda G, S, T: S,
             one_channel="inverse-multiplicative",
             matlab_expression="feedback(eye(ny), Wl * Delta * Wr) * G",
+            python_measure="S",
         ),
     )
 }
