@@ -94,7 +94,6 @@ class Covariances:
     noise, total, distortion, even, bound : (n_y, n_y, F) complex ndarray
         Covariance by noise; by noise and distortion; by distortion, without negative eigenvalues; on the even lines,
         noise included; and the one behind `Bla.bound` and `Bla.block`.
-        included; the one behind `Bla.bound` and `Bla.block`.
 
     References
     ----------

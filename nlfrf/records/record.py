@@ -279,7 +279,7 @@ def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, 
     """Return the unit of each channel, empty if unknown."""
     units = (given,) if isinstance(given, str) else tuple(given)
     if units and (len(units) != n or not all(isinstance(one, str) for one in units)):
-        raise ValueError(f"{name} must be {n} texts, one a channel, got {given!r}")
+        raise ValueError(f"{name} must be {n} texts, one per channel, got {given!r}")
     return units or ("",) * n
 
 
