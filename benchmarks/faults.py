@@ -370,7 +370,7 @@ FAULTS = [
         "y",
         "sign turns after half of it",
         on_y(from_the_middle(-1.0)),
-        r"y must stand still .* y changes its sign before period 5",
+        r"y must stay in step .* y changes its sign before period 5",
         None,
     ),
     Fault(

@@ -60,7 +60,7 @@ def test_units_of_clocks_that_are_variables(tmp_path):
 
 
 def test_clocks_that_contradict_each_other(tmp_path):
-    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' says 100 Hz by 'Ts' and 1000 Hz by 'fs'"):
+    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' has 100 Hz by 'Ts' and 1000 Hz by 'fs'"):
         nlfrf.load_record(saved(tmp_path, fs=FS, Ts=0.01))
     assert nlfrf.load_record(saved(tmp_path, fs=FS, Ts=1e-3, t=T)).fs == FS
     with pytest.warns(
@@ -139,7 +139,7 @@ def test_a_sampling_time_is_sure_by_its_unit_its_size_or_another_clock(tmp_path)
         assert nlfrf.load_record(saved(tmp_path, Ts=0.25, fs=fs)).fs == fs
         assert nlfrf.load_record(saved(tmp_path, Ts=0.25, time_s=np.arange(U.size) / fs)).fs == fs
     assert nlfrf.load_record(saved(tmp_path, Ts=125.0, time_us=125.0 * np.arange(U.size))).fs == 8000
-    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' says 4 Hz by 'Ts' and 500 Hz by 'fs'"):
+    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' has 4 Hz by 'Ts' and 500 Hz by 'fs'"):
         nlfrf.load_record(saved(tmp_path, Ts=0.25, fs=500.0))
     with pytest.warns(nlfrf.DataWarning, match=r"fs is 4 Hz by 'Ts' of 'run.npz' and 1000 Hz by the time channel 't'"):
         assert nlfrf.load_record(saved(tmp_path, Ts=0.25, t=T)).fs == 4
@@ -254,7 +254,7 @@ def test_two_rates_above_a_table(tmp_path):
     with pytest.warns(nlfrf.DataWarning, match="fs is taken as 1000 Hz, the rate above the table over"):
         assert load("Sample rate: 10 kHz", "Decimation: 10") == FS
     with pytest.raises(
-        ValueError, match=r"fs must be given: 'run.csv' says 1000 Hz by 'line 2.sample rate' and 10000 Hz"
+        ValueError, match=r"fs must be given: 'run.csv' has 1000 Hz by 'line 2.sample rate' and 10000 Hz"
     ):
         load("Sample rate: 10 kHz", "Sampling rate: 1 kHz")
 

@@ -64,7 +64,7 @@ def test_channels_that_begin_at_different_moments(write, tmp_path):
         nlfrf.load_record(write(tmp_path, 10.0))
     with pytest.raises(ValueError, match="must be sampled together"):
         nlfrf.load_record(write(tmp_path, 10.0), fs=FS)
-    with pytest.warns(nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples behind '.*u': G has that delay"):
+    with pytest.warns(nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples behind '.*u': G includes this delay"):
         nlfrf.load_record(write(tmp_path, 0.3))
 
 

@@ -218,7 +218,7 @@ def test_a_loop_of_two_encoders_is_checked():
         ({"observer_frequency": 0.0}, "observer_frequency must be positive, got 0"),
         ({"position_every": 0}, "position_every must be a whole number of at least 1, got 0"),
         ({"position_unit": "counts"}, "unit_factor must be given if the position is measured in counts"),
-        ({"position_unit": "deg"}, "unit_factor must be given .* counts in m/s: how many m one deg is"),
+        ({"position_unit": "deg"}, "unit_factor must be given .* counts in m/s: the number of m in one deg"),
         (
             {"filters": (LowPass(omega=HZ * 2500.0),)},
             r"half the sampling frequency, .* \(2000 Hz\), got .* \(2500 Hz\)",

@@ -133,7 +133,11 @@ def limited(K, options):
             {},
             "K must have one input and one output, got 2 and 1",
         ),
-        (controller([[np.nan]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have finite matrices, got a number in A"),
+        (
+            controller([[np.nan]], [[1.0]], [[1.0]], [[1.0]]),
+            {},
+            "K must have finite matrices, got a nonfinite number in A",
+        ),
         (controller([[1.0j]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have real matrices, got A of dtype complex128"),
         (
             controller([[1.0, 2.0]], [[1.0]], [[1.0]], [[1.0]]),
