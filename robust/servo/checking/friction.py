@@ -244,7 +244,8 @@ class DriveFriction:
     @property
     def sections(self) -> tuple[Section, ...]:
         """Return what was read of the friction and what is proved with it, then what was read without a law."""
-        fit, bounded, table = self.fit, self.bounded, ()
+        fit, bounded = self.fit, self.bounded
+        table: tuple[tuple[str, ...], ...] = ()
         facts = [Fact("simulated", str(self.simulated or "")), Fact("not simulated", self.unsimulated)]
         if fit is not None and self.assumed is not None:
             facts += [
@@ -304,7 +305,7 @@ def _describe_reading(fit: FrictionFit) -> list[Fact]:
         Fact("sticks, bends, slides", stiff, meaning=_STIFFNESS_NOTE),
         Fact("class read", f"Maxwell slip of {fit.element_stiffness.size} elements none of which {seen}"),
         Fact("unexplained", f"{unexplained:.2g}", "%", "of the force at most, at any level"),
-        *(Fact("open", question) for question in fit.questions),
+        *(Fact("open", str(question)) for question in fit.questions),
         Fact("scale", _FORCE_NOTE.format(unit=fit.units[0])),
     ]
 

@@ -41,6 +41,7 @@ from robust.friction.reading.balance import (
     with_branches,
 )
 from robust.friction.reading.identification import without_noisy_lines
+from robust.pages.text import format_sections
 from robust.servo import cascade
 from robust.servo.checking.friction import judge_friction
 
@@ -354,7 +355,7 @@ def test_drive_check_judges_friction_at_motor_and_load(belt):
     assert len(found.largest) == 2
     assert np.all(np.array(found.largest) > (20, 30))
     assert np.allclose(found.largest, (20, 30), rtol=0.08)
-    text = str(found)
+    text = format_sections(found.sections)
     assert "(at these values, not between them)" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= 100
     integral = judge_friction([], replace(settings, tn=0.03), **given)
