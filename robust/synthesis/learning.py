@@ -81,10 +81,10 @@ class Learning:
     >>> model = robust.UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.2, 0.2]),
     ...     perturbation="LTI")
     >>> K = control.ss([], [], [], [[1.0]], 0.1)
-    >>> learning = Learning(model, K, 0.0, "set", omega_Q=np.inf, factor=0.8, full=0.8)
+    >>> learning = Learning(model=model, K=K, delay=0.0, L="set", omega_Q=np.inf, factor=0.8, full=0.8)
     >>> centre, radius = learning.disc(np.array([1e-3]))
-    >>> round(float(centre[0].real), 3), round(float(radius[0]), 3)                     # T and w |T|, about, of T = 1/2
-    (0.505, 0.051)
+    >>> round(float(centre[0].real), 3), round(float(radius[0]), 3)                     # near T = 1/2 and w |T S|
+    (0.495, 0.051)
     """
 
     model: UncertaintyModel
