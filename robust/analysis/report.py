@@ -219,9 +219,13 @@ class RobustnessReport(Findings):
                 Fact("worst found", describe_broken(margins)),
                 *performance_facts(self.curves, margins, self.performance),
             ]
-        level = "" if self.level is None else str(self.level)
-        facts += [Fact("proved", self.proved), Fact("not proved", self.not_proved), Fact("level", level)]
-        return [*facts, Fact("next", self.next_step)]
+        return [
+            *facts,
+            Fact("proved", self.proved),
+            Fact("not proved", self.not_proved),
+            Fact("level", str(self.level or "")),
+            Fact("next", self.next_step),
+        ]
 
     @property
     def details(self) -> list[Fact]:

@@ -88,13 +88,13 @@ def write_page(
     at_rest = {name: records[k] for k, name in enumerate(names) if not found.traces[k].moving}
     pictures = {
         "traces": _pictures_of_traces(records, names),
+        "friction": _pictures_of_friction(found, at_rest),
         "loop": [
             draw_picture("L in the complex plane, with discs of the set.", plot_nyquist, found.report, square=True),
             draw_picture("Loop gain and sensitivities of the nominal loop.", plot_loop, found.report),
             draw_picture("Stability of the set; it must stay below one.", plot_check, found.report),
         ],
     }
-    pictures["friction"] = _pictures_of_friction(found, at_rest)
     if found.step is not None:
         unit = found.settings.base_unit
         pictures["step"] = [draw_picture("A step of the position set point.", plot_step, found.step, unit=unit)]

@@ -299,10 +299,11 @@ class DriveCheck:
         """Return the page: every fact that text, HTML and JSON show, in their order."""
         settings, linear = self.settings, replace(self.report, peak=np.inf)  # thin margins are among the warnings
         first, *more = self.findings
-        answers = [Fact(question, answer) for question, answer in self.answers.items()]
-        warned = [Fact("warning", doubt.description) for doubt in self.doubts]
-        verdict = [*answers, Fact("because", ". ".join(more)), *warned]
-        drive = [Fact("drive", str(settings)), Fact("set in the drive", _describe_parameters(settings))]
+        verdict = [
+            *(Fact(question, answer) for question, answer in self.answers.items()),
+            Fact("because", ". ".join(more)),
+            *(Fact("warning", doubt.description) for doubt in self.doubts),
+        ]
         loop = [*linear.claims, *linear.findings, *linear.details]
         if self.stiffness is not None:
             unit = ratio_unit(self.unit, settings.base_unit)
@@ -318,7 +319,11 @@ class DriveCheck:
                 "traces",
                 "Drive and traces",
                 motion,
-                facts=[*drive, Fact("timing", self.assumption)],
+                facts=[
+                    Fact("drive", str(settings)),
+                    Fact("set in the drive", _describe_parameters(settings)),
+                    Fact("timing", self.assumption),
+                ],
                 table=[_TRACE_HEAD, *(trace.row for trace in self.traces)],
             ),
             *self.friction.sections,
