@@ -12,7 +12,8 @@ import nlfrf
 import robust
 from robust import UncertaintyModel, cli
 from robust.analysis import LoopSignals, NoiseSignal, StepSignal
-from robust.reports import parts
+from robust.pages import html
+from robust.pages.section import Picture
 from tests.robust.analysis.test_loop_level import OMEGA, RADIUS, plant_set, record_of
 from tests.support.printed import unwrapped
 
@@ -93,7 +94,7 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     assert unwrapped(robust.analysis.predict_level(model, K, LoopSignals(disturbance=NoiseSignal(0.1)))) in unwrapped(
         out
     )
-    monkeypatch.setattr(parts, "draw_picture", lambda *_, caption, **__: parts.Picture(source="#", caption=caption))
+    monkeypatch.setattr(html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
     code, _, _ = told("report m.json K.json --disturbance 0.1 -o r.html")
     assert (code, "level of the loop" in (tmp_path / "r.html").read_text(encoding="utf-8")) == (0, True)
     for command, message in (
