@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import lazy_loader
 import numpy as np
@@ -93,7 +93,7 @@ _OPTIONS = LOAD_OPTIONS | {
 class _DesignByDefault(typer.core.TyperGroup):
     """Commands of which `design` is meant where none is named."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put the name of the command in front of its arguments."""
         return super().parse_args(ctx, args if not args or args[0] in (*self.commands, "--help") else ["design", *args])
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eig, null_space
 
 from nlfrf._base.arguments import data_warning, require_choice, require_positive, require_real_array, short_form
@@ -103,7 +104,7 @@ class RoundedController:
         return "\n".join(self.facts)
 
 
-def round_controller(K: Controller, *, dtype: str, limit: object = None) -> RoundedController:
+def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = None) -> RoundedController:
     """Return a sampled controller of one loop as statements with rounded coefficients, and bounds of their rounding.
 
     dtype : "float32" or "float64"; limit : a number, for -limit to limit, or (least, largest).
@@ -173,7 +174,7 @@ def round_controller(K: Controller, *, dtype: str, limit: object = None) -> Roun
     )
 
 
-def _limit_bounds(limit: object) -> np.ndarray:
+def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
     """Return the least and largest output, infinite without a limit, or a refusal."""
     if limit is None or np.ndim(limit) == 0:
         largest = np.inf if limit is None else require_positive("limit", limit)

@@ -7,6 +7,7 @@ from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import inverse_unit, one_line, require_kind
 from nlfrf._base.files import command_signature, to_path, write_text
@@ -19,7 +20,7 @@ _TYPES = {".h": {"float32": "float", "float64": "double"}, ".st": {"float32": "R
 
 
 def export_c(
-    K: Controller, path: PathLike, *, dtype: str = "float32", limit: object = None, unit: str = ""
+    K: Controller, path: PathLike, *, dtype: str = "float32", limit: ArrayLike | None = None, unit: str = ""
 ) -> RoundedController:
     """Write a sampled controller of one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
 
@@ -74,7 +75,7 @@ def export_c(
 
 
 def export_structured_text(
-    K: Controller, path: PathLike, *, dtype: str = "float64", limit: object = None, unit: str = ""
+    K: Controller, path: PathLike, *, dtype: str = "float64", limit: ArrayLike | None = None, unit: str = ""
 ) -> RoundedController:
     """Write a sampled controller of one loop as a function block in structured text (IEC 61131-3).
 
@@ -229,7 +230,7 @@ END_FUNCTION_BLOCK
 
 
 def _export(
-    K: Controller, path: PathLike, language: _Language, *, dtype: str, limit: object, unit: str
+    K: Controller, path: PathLike, language: _Language, *, dtype: str, limit: ArrayLike | None, unit: str
 ) -> RoundedController:
     """Round a controller, write it in a language, and return it."""
     path = to_path(path)

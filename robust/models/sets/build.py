@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import control
 import numpy as np
@@ -410,7 +410,7 @@ def _sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseDat
 
 def _single_records(bla: object) -> list[Bla]:
     """Return the records of one channel that were given, one or a list."""
-    many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    many: list[Any] = list(bla) if isinstance(bla, list | tuple) else [bla]
     if not many or not all(map(is_single, many)):
         raise ValueError(
             f"bla must be an nlfrf.Bla, a list of them, or plants (FRFs or systems), got {short_form(bla)}; a radius "

@@ -132,7 +132,7 @@ def _with_aliases(aliases: AliasBounds, t: Terms, *, low: arb, high: arb) -> lis
     y = squared_line(low, high)
     F_num, F_den = compose_polynomial(aliases.F.num, y), compose_polynomial(aliases.F.den, y)
     w_num, w_den = compose_polynomial(aliases.w.num, y), compose_polynomial(aliases.w.den, y)
-    found = []
+    found: list[tuple[tuple[str, ...], Terms]] = []
     for reads, num, den, factor, first, rest in (
         (("K",), F_num, F_den, hold, aliases.F.upper(low, high), sums.F),
         (("G", "K"), w_num, w_den, 1 / (1 - share), w, others / (1 - share)),
