@@ -144,11 +144,11 @@ def check(
 
 
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
-    """Return the largest |S| that a demand allows; the usual limit where it allows more than 4."""
+    """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one."""
     if w_P is None or not w_P.issiso() or w_P.D[0, 0] == 0:
         return USUAL_PEAK
     allowed, _ = hinf_norm(biproper_inverse(w_P))
-    return allowed if allowed <= _LARGEST_PEAK else USUAL_PEAK
+    return allowed if 1 <= allowed <= _LARGEST_PEAK else USUAL_PEAK  # below one |S| grows no disturbance
 
 
 def _assemble(
