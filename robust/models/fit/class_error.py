@@ -1,6 +1,6 @@
-"""What a class of models misses, as an error next to the scatter of the lines: how large it is, and where it may lie.
+"""The error of a class of models, beside the scatter of the lines: its size, and its weight on each line.
 
-No machine is in a class of four poles. What the class misses is no noise, and belongs to no line of small scatter:
+No machine has exactly four poles. The error of the class is not noise, and is no smaller on lines with small scatter:
 
     G_k = G(theta)_k + n_k + e_k,    E|n_k|^2 = b_k^2 the variance of the line,    E|e_k|^2 = epsilon^2 m_k^2
 
@@ -8,11 +8,11 @@ The fit minimises the negative logarithm of the likelihood over theta and the on
 
     sum_k |G_k - G(theta)_k|^2 / (b_k^2 + epsilon^2 m_k^2) + ln(b_k^2 + epsilon^2 m_k^2)
 
-(stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is what a loop tolerates:
-K S = T/G, so an error costs it |T| |G_k - G(theta)_k|/|G|, and |G| counts smoothed, as |T| is small at an antiresonance
-too. The square of |T_c| was measured to serve better than |T_c| on four machines of many modes: loops need low
-frequencies more than the average of their band says (control-relevant identification: Schrama 1992; de Callafon & Van
-den Hof 1995; Oomen & Bosgra 2012).
+(stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is the tolerance of a
+loop: K S = T/G, so an error costs |T| |G_k - G(theta)_k|/|G|. |G| is smoothed, because |T| is small at an antiresonance
+too. On four machines with many modes the square of |T_c| served better than |T_c|: low frequencies matter more to a
+loop than the average over its band suggests (control-relevant identification: Schrama 1992; de Callafon & Van den Hof
+1995; Oomen & Bosgra 2012).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 _OCTAVE = 2.0
-_MAX_WINDOWS = 200  # of medians; between them m is interpolated
-_N_SIZES = 80  # of epsilon on the first grid of a search, over all sizes that could matter
-_N_BALANCE = 8  # rounds that balance rows and columns; each divides what is left by ten or more
-_LEAST_ENTRY = 1e-30  # of the largest entry: what a zero counts as
+_MAX_WINDOWS = 200  # windows of the running median; m is interpolated between them
+_N_SIZES = 80  # values of epsilon on the first grid of a search
+_N_BALANCE = 8  # rounds that balance rows and columns; each divides the imbalance by ten or more
+_LEAST_ENTRY = 1e-30  # stands for a zero, relative to the largest entry
 
 
 def smooth_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (..., F) |G| smoothed over an octave: the running median, in which a mode counts as its surroundings.
+    """Return (..., F) |G| smoothed over an octave by a running median, which ignores a mode.
 
     omega : (F,) [rad/s], in any order; G : (..., F).
     """
@@ -44,18 +44,18 @@ def smooth_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def mean_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (F,) the geometric mean over the entries of |G| smoothed, G (n_y, n_u, F): its fall, in any units."""
+    """Return (F,) the geometric mean over the entries of smoothed |G|, G (n_y, n_u, F): its slope, in any units."""
     return np.asarray(np.exp(np.mean(np.log(smooth_size(omega, G)), axis=(0, 1))))
 
 
 def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return (..., W) |T_c| of a loop with that crossover [rad/s]; one where it is nan.
+    """Return (..., W) |T_c| of a loop with the crossover omega_c [rad/s]; one if omega_c is nan.
 
     |T_c| = 1/sqrt(1 + 1/|L|^2) with |L| = (2 omega_c/omega)^n. Beyond the crossover the loop gain falls by one slope
     with the controller and by up to one more with the plant: n = 2 for a mass, and n = 1 where |G| is flat.
 
-    smooth : (..., W) |G| smoothed; its mean slope beyond the crossover is the fall of the plant.
-    shape : |G| over |G| smoothed, where the loop gain of a smooth controller rises and falls with it.
+    smooth : (..., W) |G| smoothed; its mean slope beyond the crossover gives n.
+    shape : |G| over |G| smoothed: with a smooth controller the loop gain is proportional to it.
 
     >>> target_loop(np.array([0.0, 2.0, 20.0]), 1.0, np.array([1.0, 1.0, 0.01])).round(3).tolist()
     [1.0, 0.707, 0.01]
@@ -75,7 +75,7 @@ def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np
 
 
 def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:
-    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G that costs any loop the same.
+    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G with the same cost for a loop.
 
     omega : (F,) [rad/s], in any order; G : (..., F).
     """
@@ -84,7 +84,7 @@ def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarr
 
 
 def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray) -> tuple[float, float]:
-    """Return epsilon at which residuals of these squares are most likely, and the negative log likelihood there.
+    """Return the most likely epsilon for given squared residuals, and the negative log likelihood there.
 
     square, var, tolerance : (N,) |G - model|^2, b^2 and m. The likelihood may have several maxima: a grid finds the
     largest, then its neighbourhood is searched.
@@ -107,14 +107,14 @@ def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray)
 
 
 def balance(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (..., n) and columns (..., m) whose product has the mean squares of each row and column of a matrix.
+    """Return rows (..., n) and columns (..., m) whose product has the mean squares of the rows and columns of a matrix.
 
     size : (..., n, m), not negative. The product does not depend on the units of inputs and outputs.
     """
     log = np.log(np.maximum(size, _LEAST_ENTRY * np.max(size, axis=(-2, -1), keepdims=True)))
     by_row = np.mean(log, axis=-1, keepdims=True)
     by_column = np.mean(log - by_row, axis=-2, keepdims=True)
-    square = np.exp(2 * (log - by_row - by_column))  # in units of its own
+    square = np.exp(2 * (log - by_row - by_column))  # free of the units of rows and columns
     columns = np.ones((*size.shape[:-2], 1, size.shape[-1]))
     for _ in range(_N_BALANCE):
         rows = np.mean(square / columns, axis=-1, keepdims=True)

@@ -1,9 +1,9 @@
 """Standard deviations of poles, zeros, gain and delay of a fit, from the Jacobian of its sample ML cost.
 
-At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters scatter with the covariance c (J^T J)^-1 / 2, J being
-the slope of the weighted residual, real over imaginary parts, and c the cost that is left over what is expected without
-scatter of the variances: one where the model is right and the variances are known, more where the cost is above its
-expectation. It holds for small deviations, and knows nothing of what the model leaves out.
+At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters have the covariance c (J^T J)^-1 / 2. J is the
+Jacobian of the weighted residual, real over imaginary parts. c is the cost over its expectation for known variances:
+one for the right model and known variances, more if the cost exceeds its expectation. The formula holds for small
+deviations. It does not include the error of the class of models.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.models.fit.rational import partial_fractions, stack_real_imaginary
 
-#: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
+#: Cap of the standard deviation over the root of the cost; its square is still a number.
 _HUGE = 1e150
-_MAX_STATIC_STD = 0.5  # relative standard deviation of the static gain from which no number is printed for it
+_MAX_STATIC_STD = 0.5  # relative standard deviation above which the static gain is not printed
 
 
 @value(copy=False)
@@ -29,12 +29,12 @@ class FitUncertainty:
     cov_poles, cov_zeros : (n, 2, 2) ndarray
         Covariance of real and imaginary part of each; a real one has no imaginary part.
     static_gain, std_static_gain : float
-        Gain at zero frequency [unit of G], infinite with a pole at zero, and its standard deviation, relative to it.
+        Gain at zero frequency [unit of G], infinite for a pole at zero, and its relative standard deviation.
     std_delay : float
-        Standard deviation of the delay [s]; nan where it was not estimated.
+        Standard deviation of the delay [s]; nan if it was not estimated.
     separation : (n,) ndarray
-        Distance of each pole to the nearest zero over the standard deviation of that distance: about one where nothing
-        but scatter keeps them from cancelling. Infinite where no zero is nearer than half its size.
+        Distance of each pole to the nearest zero over the standard deviation of that distance. At about one, pole and
+        zero cancel within the scatter. Infinite if no zero is nearer than half the size of the pole.
 
     References
     ----------
@@ -63,12 +63,12 @@ class FitUncertainty:
 
     @property
     def std_poles(self) -> np.ndarray:
-        """Return (n,) root of E|.|^2 of each pole about its value."""
+        """Return (n,) root mean square deviation, the root of E|.|^2, of each pole."""
         return np.sqrt(np.trace(self.cov_poles, axis1=1, axis2=2))
 
     @property
     def std_zeros(self) -> np.ndarray:
-        """Return (n,) root of E|.|^2 of each zero about its value."""
+        """Return (n,) root mean square deviation, the root of E|.|^2, of each zero."""
         return np.sqrt(np.trace(self.cov_zeros, axis1=1, axis2=2))
 
 
@@ -94,28 +94,28 @@ def estimate_uncertainty(
     omega : (F,) ndarray
         Lines [rad/s].
     model : (F,) complex ndarray
-        Response of the model there.
+        Response of the model at these lines.
     std : (F,) ndarray
-        Standard deviation that each line was weighted by.
+        Standard deviation by which each line was weighted.
     zeros, poles : (n,) complex ndarray
-        Of the rational function in the plane of s, conjugates side by side.
+        Zeros and poles of the rational function in the s plane, conjugates side by side.
     gain : float
-        In front of them.
+        Leading gain of the rational function.
     c : float
-        Cost over the free numbers that are left.
+        Cost over the degrees of freedom left.
     dt : float
         Sampling time of the model [s].
     free_delay : bool
-        Whether a delay was fitted too.
+        True if a delay was fitted too.
     """
-    # of ln model: by ln gain, then by every root
+    # columns: derivatives of ln model by ln gain, then by each root
     columns = [np.ones(s.size), -partial_fractions(s, zeros), partial_fractions(s, poles)]
     if free_delay:
         columns.append(-1j * omega)
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
-    size = np.maximum(np.linalg.norm(J, axis=0), 1 / _HUGE)  # the slope by a root far away is as good as none
+    size = np.maximum(np.linalg.norm(J, axis=0), 1 / _HUGE)  # a root far away has almost no slope
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
-    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / _HUGE))  # what the data do not tell at all has a huge standard deviation
+    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / _HUGE))  # parameters without influence get a huge standard deviation
     half = np.clip(right.T / sv / size[:, None], -_HUGE, _HUGE)
     cov = c / 2 * half @ half.T
     n_z, at_zero = zeros.size, np.zeros(1, complex)
@@ -138,7 +138,7 @@ def estimate_uncertainty(
 def _separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
     """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that distance.
 
-    cov : of the real and imaginary parts of zeros, then poles, conjugates once (as `partial_fractions` orders them).
+    cov : covariance of the real and imaginary parts of zeros, then poles, conjugates once (as in `partial_fractions`).
     """
     if not zeros.size:
         return np.full(poles.size, np.inf)
@@ -151,7 +151,7 @@ def _separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.nd
 
 
 def _root_parts(roots: np.ndarray) -> np.ndarray:
-    """Return (n, 2, n) real and imaginary part of each root by those of real roots and pairs, conjugates once."""
+    """Return (n, 2, n) derivatives of the real and imaginary part of each root by those of real roots and pairs."""
     rows = np.zeros((roots.size, 2, roots.size))
     for i, root in enumerate(roots):
         if root.imag < 0 and i:  # the conjugate of the one before
@@ -168,7 +168,7 @@ def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarr
     rows = _root_parts(roots)
     out = rows @ cov @ rows.transpose(0, 2, 1)
     if dt:
-        slope = dt / (1 - roots * dt / 2) ** 2  # of z = (1 + s dt/2)/(1 - s dt/2)
+        slope = dt / (1 - roots * dt / 2) ** 2  # slope of z = (1 + s dt/2)/(1 - s dt/2)
         turn = np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]).transpose(2, 0, 1)
         turn[roots.imag == 0, 1] = 0.0
         out = turn @ out @ turn.transpose(0, 2, 1)
@@ -176,14 +176,13 @@ def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarr
 
 
 def _roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
-    """Return roots in the plane of the model, in the same order."""
     return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
 
 
 def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
-    """Return the mean of |residual|^2 / var on each line, whose variance is read from `dof` windows.
+    """Return the mean of |residual|^2 / var on each line, for a variance estimated from `dof` windows.
 
-    It is infinite at one window and less: of fewer than two beyond the outputs it is that of two.
+    It is infinite at one window and less: for fewer than two beyond the outputs the value at two is returned.
 
     >>> [round(float(mean), 3) for mean in expected_ratio(np.array([0.9, 3.0, 11.0]))]
     [1.5, 1.5, 1.1]
@@ -193,11 +192,11 @@ def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
 
 
 def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: float) -> float:
-    """Return the probability that scatter alone leaves a cost as large; nan where no variance was given.
+    """Return the probability that scatter alone leaves a cost at least as large; nan without variances.
 
     Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the same mean and
-    variance. Lines share the windows their variances are read from: the scatter of those averages out no more than by
-    the number of windows, dof lines each.
+    variance. Neighbouring lines share the windows of their variances. The scatter of these variances averages out only
+    over the number of windows, which is the number of lines over dof.
     """
     if np.isnan(dof).any():
         return float("nan")
@@ -215,7 +214,7 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: float) -> fl
 
 
 def format_roots(known: FitUncertainty | None, discrete: bool, unit: str) -> str:
-    """Return poles, zeros and static gain with their standard deviations, a line each kind; a pair once."""
+    """Return poles, zeros and static gain with their standard deviations, one line for each kind; a pair once."""
     if known is None:
         return ""
     text, unit_of_roots = "", "" if discrete else " rad/s"

@@ -56,33 +56,33 @@ from robust.models.fit.shared_poles import (
 )
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 
-#: A BLA, several of them, or an FRF from elsewhere.
+#: A BLA, several BLAs, or an FRF of another origin.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
 
 
 Given = TypeVar("Given")
 
 
-# ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
+# ---- The nominal model of a measured matrix: the problem, its checks, the fit.
 
 _MAX_POLES = 40
-_PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # of a delay: several inputs have one each
+_PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # order for one delay, and for each of several inputs
 _MAX_DELAY_TRIALS, _N_ROUNDS = 41, 12
-_DELAY_TOLERANCE = 1e-7  # of a turn at the highest line: a delay that moves less stands
+_DELAY_TOLERANCE = 1e-7  # in turns at the highest line: a smaller change of a delay ends the refinement
 
 
 @value(copy=False)
 class _MatrixFitProblem:
-    """Hold the data, the metric and the options of the fit of a matrix.
+    """Data, metric and options for the fit of a matrix.
 
     Fields
     ------
     points, omega : (F,) ndarray
-        Of the fit and of the record [rad/s].
+        Frequencies of the fit and of the record [rad/s].
     G : (F, n_y, n_u) complex ndarray
         The matrix.
     metric : ErrorMetric
-        What its error weighs.
+        Weight of its error.
     options : dict
         n_poles, rank, direct and stable.
     """
@@ -94,7 +94,7 @@ class _MatrixFitProblem:
     options: FitOptions
 
     def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, ErrorMetric]:
-        """Return arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
+        """Return points, matrix and metric with the delays (n_u,) of the inputs removed."""
         turn = np.exp(1j * self.omega[:, None] * tau)
         return self.points, self.G * turn[:, None], self.metric.behind_delays(turn)
 
@@ -107,7 +107,7 @@ class _MatrixFitProblem:
         )
 
     def error(self, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
-        """Return (F, n_y, n_u) what a model behind delays misses."""
+        """Return G minus a model behind delays, (F, n_y, n_u)."""
         return self.G - model.response(self.points) * np.exp(-1j * self.omega[:, None] * tau)[:, None]
 
     def with_class_error(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, float]:
@@ -117,7 +117,7 @@ class _MatrixFitProblem:
         return replace(self, metric=replace(self.metric, epsilon=epsilon)), unlikely
 
     def settle(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, SharedPoles, float]:
-        """Return the likeliest model near a start and the size of the error of the class, in turn, with their value."""
+        """Alternate between the model and the size of the class error, from a start; return both with their value."""
         last = np.inf
         for _ in range(MAX_ROUNDS):
             weighted, unlikely = self.with_class_error(model, tau)
@@ -128,7 +128,7 @@ class _MatrixFitProblem:
 
 
 def matrices_given(bla: object) -> list[Bla]:
-    """Return the matrices given, one or at several levels, of the same channels; none if it is anything else."""
+    """Return the given matrices, for one level or several, with the same channels; an empty list for other input."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
     require_same_units(many)
     matrices = [one for one in many if is_matrix(one)]
@@ -146,7 +146,7 @@ def matrices_given(bla: object) -> list[Bla]:
 
 
 def require_same_units(given: object) -> None:
-    """Refuse BLAs of one list whose units differ, where both are known."""
+    """Refuse a list of BLAs whose units differ; unknown units match any."""
     blas = [one for one in given if isinstance(one, Bla)] if isinstance(given, list | tuple) else []
     for one, other in itertools.combinations(blas, 2):
         for name in ("input_units", "output_units"):
@@ -157,7 +157,7 @@ def require_same_units(given: object) -> None:
 
 
 def require_same_channels(frm: Bla, known: object, of: str) -> None:
-    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
+    """Refuse a record with other channel names, or in another order; unnamed channels match any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
         unnamed = (), tuple(f"{letter}{i + 1}" for i in range(len(second)))
@@ -178,7 +178,7 @@ def _fit_matrix(
     rank: int,
     omega_c: float | None,
 ) -> NominalFit:
-    """Return the fit of a matrix, measured once or at several levels: one model for all."""
+    """Return the fit of a matrix measured at one level or several: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
@@ -193,7 +193,7 @@ def _fit_matrix(
     var = np.concatenate([one.entries(one.cov.bound) for one in frms], axis=2)
     crossover = _checked_crossover(omega_c, omega, measured, var=var, dof=dof, dt=dt)
     sought = _MatrixFitProblem(
-        # j omega, or its bilinear image: both kinds of model are fitted in the s plane
+        # j omega, or its bilinear image: continuous and discrete models are fitted in the s plane
         points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
         omega=omega,
         G=np.moveaxis(measured, 2, 0),
@@ -207,7 +207,7 @@ def _fit_matrix(
     whitened = sought.metric.whiten(sought.error(model, tau))
     expected = frm.n_outputs * frm.n_inputs * np.sum(expected_ratio(dof, frm.n_outputs))
     share, cost = 1 - n_parameters / (2 * measured.size), float(whitened @ whitened)
-    # by the law of one entry, which is the widest
+    # by the distribution for one entry, which is the widest
     p_value = probability_of_cost(
         cost / expected * np.sum(expected_ratio(dof)), dof, n_parameters / (frm.n_outputs * frm.n_inputs)
     )
@@ -241,9 +241,9 @@ def _fit_matrix(
 def _fit_with_class_error(
     sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray, *, free: bool
 ) -> tuple[_MatrixFitProblem, SharedPoles, np.ndarray, float]:
-    """Return the likeliest fit of a class that misses something: from the fit to scatter alone, and from scratch.
+    """Return the likeliest fit of a class with an error: from the fit to scatter alone, and from scratch.
 
-    free : whether the delays are estimated; they are then estimated again where errors of the class count.
+    free : True if the delays are estimated; they are then estimated again with the error of the class.
     """
     begun = [(model, tau)]
     for epsilon in START_SIZES:
@@ -256,7 +256,7 @@ def _fit_with_class_error(
 
 
 def _checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
-    """Return (n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
+    """Return (n_u,) delays [s] from one number for all inputs or one for each; whole samples in discrete time."""
     if np.ndim(delay) == 0:
         tau = np.full(n_inputs, require_nonnegative("delay", delay))
     else:
@@ -269,8 +269,8 @@ def _checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.n
 def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
     """Return the model and the delays (n_u,) [s] of its inputs, none negative, that explain the phases best.
 
-    Each input's column is scanned by itself, then all are refined with the model: a Gauss-Newton step of delays and
-    model together moves the delays, the model follows. In discrete time the samples on both sides are tried in turn.
+    The column of each input is scanned first. Then all delays are refined with the model: a Gauss-Newton step of both
+    moves the delays, and the model is fitted again. In discrete time the samples on both sides are tried in turn.
     """
     omega, n_u = sought.omega, sought.G.shape[2]
     tau = np.array([_scan_input_delay(sought, i) for i in range(n_u)])
@@ -306,10 +306,10 @@ def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[Shared
 def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
     """Scan the delay [s] of one input by rough fits of its column, up to twice its mean group delay.
 
-    Steps are an eighth of a turn at the highest frequency, or longer: MAX_DELAY_TRIALS are made at most.
+    Steps are at least an eighth of a turn at the highest frequency, and there are at most MAX_DELAY_TRIALS of them.
     """
     G, omega = sought.G[:, :, i : i + 1], sought.omega
-    rises = np.flatnonzero(np.diff(omega) > 0)  # several levels stand one behind the other
+    rises = np.flatnonzero(np.diff(omega) > 0)  # several levels are concatenated
     falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]
     size = np.sum(np.abs(G[rises + 1] * G[rises]), axis=(1, 2))
     longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega.max())
@@ -319,7 +319,6 @@ def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
     n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, _MAX_DELAY_TRIALS)
 
     def cost(tau: float) -> float:
-        """Return what vector fitting alone leaves."""
         points, G, metric = one.without_delays(np.array([tau]))
         residual = metric.whiten(G - fit_by_vector_fitting(points, G, metric=metric, **sought.options).response(points))
         return float(residual @ residual)
@@ -330,7 +329,7 @@ def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
 def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
     """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model together."""
     points, G, metric = sought.without_delays(tau)
-    turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
+    turned = 1j * sought.omega[:, None, None] * G  # derivative of each column by its own delay, up to the sign
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
     by_model = response_derivatives(points, model, direct=sought.options["direct"], stable=sought.options["stable"])
 
@@ -340,21 +339,19 @@ def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) 
     return np.asarray(step[: tau.size])
 
 
-# ---- ``DesignWarning``, and what is warned of: a fit or a weight that is usable but suspicious.
+# ---- ``DesignWarning`` for a fit or a weight that is usable but suspicious.
 
-#: Cost over what scatter alone leaves, from which a fit to one record is suspicious. A fit that weighs the error of its
-#: class leaves more of it: 16 of two poles to the rig, where the least cost is below 10.
+#: Cost over that of scatter alone, above which a fit to one record is suspicious. A fit with a class error has a larger
+#: cost: 16 for two poles of the rig, where the least cost is below 10.
 _COST_LIMIT = 20.0
-OUTSIDE_FACTOR = 1.5  # how far outside the band a pole lies at least to be named
-_HARMLESS_SHARE = (
-    1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
-)
-_INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
-_EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
+OUTSIDE_FACTOR = 1.5  # smallest factor outside the band at which a pole is reported
+_HARMLESS_SHARE = 1e-3  # least scatter over |G| in the check; otherwise an exact record would make any model suspicious
+_INTEGRATOR_RATIO = 1e-6  # a pole below this fraction of the first line is an integrator
+_EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], above which the weight is suspicious
 
 
 def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
-    """Warn of a fit that misses what one record measured, or that has poles where nothing was measured."""
+    """Warn of a fit far from the data of one record, or with poles outside the measured band."""
     omega, var = lines.omega, np.maximum(lines.var, (_HARMLESS_SHARE * np.abs(lines.G)) ** 2)
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
     if one_record and ratio > _COST_LIMIT:
@@ -375,7 +372,7 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
 
 
 def _poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Return the sizes [rad/s] of poles outside the band of the lines, once a pair; without integrators."""
+    """Return the sizes [rad/s] of poles outside the band of the lines, one for each pair; without integrators."""
     p = G.poles()
     with np.errstate(divide="ignore"):
         p = np.log(p.astype(complex)) / G.dt if G.dt else p
@@ -387,9 +384,9 @@ def _poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 def checked_weight(
     weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray, *, order: int | None
 ) -> control.StateSpace:
-    """Return the weight, with a warning where its mean over the lines [rad/s] lies far above its radius.
+    """Return the weight; warn if its mean over the lines [rad/s] lies far above its radius.
 
-    order : that was asked for; None where it was chosen.
+    order : requested order; None if it was chosen here.
     """
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
     if excess > _EXCESSIVE_RATIO:
@@ -408,7 +405,7 @@ def checked_weight(
 
 @value
 class NominalFit:
-    """A parametric model of a measured FRF, and how well it explains the lines.
+    """A parametric model of a measured FRF, with the quality of its fit.
 
     Fields
     ------
@@ -417,38 +414,38 @@ class NominalFit:
     delay, delays : float, (n_u,) ndarray
         Delay [s] in series with G.
     omega : (F,) ndarray
-        The lines it was fitted to [rad/s]; those of several records one after the other.
+        The fitted lines [rad/s]; those of several records are concatenated.
     response : (F,) complex ndarray, or (n_y, n_u, F)
-        Response of the model there, delay included.
+        Response of the model at these lines, delay included.
     residual : (F,) complex ndarray, or (n_y, n_u, F)
         Measured minus response.
     std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of the scatter of each line; nan where no variance was given.
+        Standard deviation of the scatter of each line; nan without variances.
     cost : float
         Sum of |residual|^2 / std^2.
     expected_cost : float
-        What the cost would be if the model were right and only scatter were left; nan where no variance was
-        given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
+        Expected cost for the right model, with scatter alone; nan without variances. A cost well above it shows
+        undermodelling: `uncertainty` puts the misfit into the radius.
     n_parameters : int
         Free real parameters.
     class_std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of what the class of models misses on each line, by the fit: the lines were weighted by it,
-        too. Zero where scatter explains what is left.
+        Standard deviation of the error of the model class on each line, estimated with the fit and used in its weights.
+        Zero if scatter explains the residual.
     unlikelihood : float
-        Negative log likelihood of the fit, error of the class included, over that of its scatter alone.
+        Negative log likelihood of the fit, error of the class included, minus that of its scatter alone.
     omega_c : float
-        Crossover of the loop it was fitted for [rad/s]; nan where none was named.
+        Crossover of the loop that the model is fitted for [rad/s]; nan without one.
     uncertainty : FitUncertainty
-        Standard deviations of its poles, zeros, gain and delay; None where the fit was not made by `fit_nominal`.
+        Standard deviations of poles, zeros, gain and delay; None if the fit was not made by `fit_nominal`.
     p_value : float
-        Probability with which scatter alone leaves a cost as large; nan where no variance was given.
+        Probability that scatter alone leaves a cost at least as large; nan without variances.
     hold : str
-        What is known of the hold in the record: "zoh" or "band-limited" where it was accounted for (a continuous model
-        is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
+        Hold of the record: "zoh" or "band-limited" if it was accounted for (a continuous model is then the plant
+        without a hold, a discrete one the plant behind a hold of dt), "unknown" if it was not.
     unit, inputs, outputs : str, tuple of str, tuple of str
-        Unit of the response, where the record says it; of a matrix the names of its channels.
+        Unit of the response, if the record has one; for a matrix the names of its channels.
     warnings : tuple of str
-        What was warned of the records and of the fit.
+        Warnings about the records and the fit.
 
     References
     ----------
@@ -498,11 +495,11 @@ class NominalFit:
 
     @property
     def criterion(self) -> float:
-        """Return the Bayesian criterion: negative log likelihood, and ln(2 lines)/2 for each parameter."""
+        """Return the Bayesian criterion: negative log likelihood plus ln(2 lines)/2 for each parameter."""
         return float(self.unlikelihood + self.n_parameters / 2 * np.log(2 * self.response.size))
 
     def describe_class_error(self) -> str:
-        """Describe what the class misses beyond scatter, as a share of |G|: below the crossover, and at its worst."""
+        """Describe the error of the class as a fraction of |G|: below the crossover, and its maximum."""
         channels = tuple(range(self.response.ndim - 1))
         beyond = np.sum(np.maximum(np.abs(self.residual) ** 2 - np.nan_to_num(self.std) ** 2, 0.0), axis=channels)
         size = np.sum(np.abs(self.response + self.residual) ** 2, axis=channels)
@@ -531,7 +528,7 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     Raises
     ------
     ValueError
-        Anything that is no Bla.
+        Any other type than Bla.
 
     Examples
     --------
@@ -563,42 +560,45 @@ def fit_nominal(
 ) -> NominalFit:
     """Fit a transfer function to a measured FRF: the model a controller is designed on.
 
-    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k where scatter explains what is left of it. Where it does
-    not, the class of models misses something, and what it misses is an error of its own next to the scatter, of a size
-    that is estimated with the model: sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) +
-    ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2 with |G| smoothed over an octave.
+    Use this first, with `scan_orders` to choose the number of poles; `uncertainty` then adds the radius around the
+    model.
 
-    Starts are vector fitting with that numerator from two sets of poles and poles on the peaks, each behind the best
-    delays of a scan; where scatter does not explain what they leave, also the fit of two poles and zeros less with a
-    pair where its residual asks for one. Each is refined by Levenberg-Marquardt over second-order sections in scaled
-    frequency, where every section keeps its digits.
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k if scatter explains the residual. Otherwise the class of
+    models has an error of its own beside the scatter. Its size epsilon is estimated with the model:
+    sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) + ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2
+    with |G| smoothed over an octave.
+
+    Starts come from vector fitting with that numerator, from two sets of poles and from poles on the peaks, each behind
+    the best delays of a scan. If scatter does not explain their residual, the fit with two poles and two zeros fewer is
+    a further start, with a pair added at its largest residual. Each start is refined by Levenberg-Marquardt over
+    second-order sections in scaled frequency, where every section keeps its digits.
 
     Parameters
     ----------
     bla : nlfrf.Bla, list of them or control.FrequencyResponseData
-        What was measured. A list is a plant at several levels or days: one model for all. That of several channels
-        has poles that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
+        The measurement. A list is a plant at several levels or days: one model for all. A matrix gets poles that all
+        entries share and residues of rank one, n_poles states in all, weighted by the covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros. When not given as many as the data show, n_poles - 1 at most. Of several channels none is
-        given, or n_poles for a direct term.
+        Number of zeros; by default as many as the data show, n_poles - 1 at most. For several channels leave it out,
+        or give n_poles for a direct term.
     delay : float or "estimate"
-        Delay [s] in series; in discrete time a whole number of samples. Of several channels also (n_u,),
-        one for each input.
+        Delay [s] in series; in discrete time a whole number of samples. For several channels also (n_u,), one for each
+        input.
     dt : float
         0 for a continuous model, otherwise the sampling time [s] of a discrete one.
     stable : bool
-        Keep every pole strictly stable. Set to False for a plant measured in closed loop that is not.
+        Keep every pole strictly stable. Set to False for an unstable plant, measured in closed loop.
     std : (F,) ndarray, or (n_y, n_u, F), optional
-        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in `nlfrf.bla_from_frf` (a Bla
-        brings its own); `uncertainty` of the same FRF around the fit takes it. Without it, lines are weighted by 1/|G|
-        and no cost is expected; with several channels it must be given.
+        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in `nlfrf.bla_from_frf` (a Bla has
+        its own); `uncertainty` of the same FRF around the fit uses it. Without it, lines are weighted by 1/|G| and
+        there is no expected cost; it is required for several channels.
     rank : int
-        Rank of the residues of several channels: 2 for the equal modes of a symmetric machine.
+        Rank of the residues for several channels: 2 for the equal modes of a symmetric machine.
     omega_c : float, optional
-        Crossover [rad/s] of the loop that the model is for. A model of few poles for a machine of many serves that loop
-        then: |T_c| (`target_loop`) says what it tolerates. When not given |T_c| is one.
+        Crossover [rad/s] of the loop that the model is for. A model with few poles for a machine with many then serves
+        that loop: |T_c| (`target_loop`) is its tolerance. By default |T_c| is one.
 
     Returns
     -------
@@ -609,7 +609,7 @@ def fit_nominal(
     ValueError
         Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
         not a whole number of samples, lines beyond the Nyquist frequency of `dt`, a crossover outside the lines or
-        where |G| is below its bound.
+        at a |G| below its bound.
 
     References
     ----------
@@ -646,10 +646,10 @@ def fit_nominal(
 def likeliest_fit(
     search: FitSearch, bla: Measurement, n_poles: int, n_zeros: int | None, *, fewer: Sequence[Roots] | None = None
 ) -> NominalFit:
-    """Return the fit of so many poles; where the number of zeros is open, that of the lowest criterion.
+    """Return the fit with the given poles; with an open number of zeros, the one with the lowest criterion.
 
-    Zeros above the band that the data do not show are none: `fewer` are fits without them, where they were made. A
-    direct term is fitted only where it is asked for: through it the whole set above the Nyquist frequency folds down.
+    Zeros above the band that the data do not show are dropped: `fewer` are the fits without them, if there are any. A
+    direct term is fitted only on request: through it the whole set above the Nyquist frequency folds down.
     """
     orders = checked_orders(search, n_poles, n_zeros)
     weighted, roots = search.best_with_class_error(orders)
@@ -685,7 +685,7 @@ def start_search(
 
 
 def _nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> NominalFit:
-    """Return a fit that a search found, with what is known of it."""
+    """Return the `NominalFit` for the roots that a search found."""
     lines, dt, n_parameters = search.lines, search.dt, search.n_parameters(roots)
     zeros, poles, gain, tau, cost = roots
     model = search.response(roots)
@@ -743,7 +743,7 @@ def _bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | No
 
 
 def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
-    """Return an FRF as a `Bla` by the standard deviation that its fit was given; anything else as it is."""
+    """Return an FRF as a `Bla` with the standard deviation of its fit; anything else unchanged."""
     if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
         return bla
     std, fitted = np.asarray(nominal.std), np.asarray(nominal.response + nominal.residual)
@@ -783,7 +783,7 @@ def _require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
 def _given_lines(
     frf: control.FrequencyResponseData, std: np.ndarray | None, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return omega, G, its variance and degrees of freedom of an FRF from elsewhere; without a std relative errors."""
+    """Return omega, G, variance and degrees of freedom of an FRF of another origin; without a std relative errors."""
     if (frf.ninputs, frf.noutputs) != (1, 1):
         raise ValueError(f"bla must have one input and one output, got {frf.ninputs} and {frf.noutputs}")
     if frf.dt and abs(frf.dt - dt) > SAMPLING_TOLERANCE * frf.dt:
@@ -801,9 +801,9 @@ def _given_lines(
 
 
 def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None) -> FrfData:
-    """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has.
+    """Return lines, variances and degrees of freedom of an FRF, with the hold of a model of dt.
 
-    What a class may miss on a line is what a loop with that crossover tolerates, [rad/s].
+    The tolerance of each line is that of a loop with the crossover omega_c [rad/s].
     """
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):
@@ -826,11 +826,11 @@ def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c
         raise ValueError("bla must hold a finite FRF that is not zero everywhere")
     if np.any(omega <= 0):
         raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
-    # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
+    # below a millionth of |G| a variance is rounding, and its line would dominate the fit
     floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
     dof, crossover = np.where(np.isinf(dof), 1e12, dof), _checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt)
     tolerance = loop_tolerance(omega, G, crossover)
-    if np.isnan(dof).any() and omega_c is not None:  # no scatter is known: the loop alone says what a line counts for
+    if np.isnan(dof).any() and omega_c is not None:  # without a scatter the loop alone weighs the lines
         var = tolerance**2
     return FrfData(
         omega=omega,
@@ -846,9 +846,9 @@ def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c
 def _checked_crossover(
     omega_c: float | None, omega: np.ndarray, G: np.ndarray, *, var: np.ndarray, dof: np.ndarray, dt: float
 ) -> float:
-    """Return the crossover [rad/s] of a loop for the lines of G (..., F), nan for none; refuse one no model can serve.
+    """Return the crossover [rad/s] of a loop, nan for none; refuse one that no model of G (..., F) can serve.
 
-    var, dof : (..., F), (F,) variance of G, and the degrees of freedom behind it.
+    var, dof : (..., F), (F,) variance of G, and its degrees of freedom.
     """
     if omega_c is None:
         return float("nan")
@@ -862,7 +862,7 @@ def _checked_crossover(
         )
     k = int(np.argmin(np.abs(omega - omega_c)))
     size = np.abs(G[..., k])
-    bound = np.sqrt(dof[k] * np.expm1(-np.log(0.05) / dof[k]) * var[..., k])  # of F(2, 2 dof), at 95 %
+    bound = np.sqrt(dof[k] * np.expm1(-np.log(0.05) / dof[k]) * var[..., k])  # 95 % quantile of F(2, 2 dof)
     if np.all(size <= bound):
         raise ValueError(
             f"omega_c must lie where |G| is above its bound, got {asked}, where |G| = {size.max():.3g} and its "
@@ -872,7 +872,7 @@ def _checked_crossover(
 
 
 def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | float, float]:
-    """Return a nominal with the delays of its inputs inside, and the longest of them [s]; a system as it is."""
+    """Return a nominal with the delays of its inputs included, and the longest of them [s]; a system unchanged."""
     if not isinstance(nominal, NominalFit):
         return nominal, 0.0
     G, delays = nominal.G, nominal.delays
@@ -888,7 +888,7 @@ def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | fl
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:
     """Return a BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind a hold of dt.
 
-    What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
+    The correction is for the `hold` of the record; an unknown hold is left uncorrected.
     """
     factor = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=dt)
     return bla if np.all(factor == 1) else bla.times(factor, output_unit=bla.output_units)

@@ -7,8 +7,8 @@ import scipy.linalg
 
 from robust.lti.realisation import order_roots
 
-_FAR_RATIO = 1e12  # of the largest frequency: a zero out there is one at infinity
-_MIN_DAMPING = 1e-8  # damping under which a pole counts as one on the axis
+_FAR_RATIO = 1e12  # a zero beyond this multiple of the largest frequency is at infinity
+_MIN_DAMPING = 1e-8  # a pole with a smaller damping is on the axis
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
 
 
@@ -25,8 +25,8 @@ def vector_fit(
     """Return poles of a rational function through the data, from starting poles.
 
     s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate pairs adjacent,
-    upper one first; n_zeros : degree of the numerator, that of the poles when not given. Of the poles met on the way
-    those are returned that leave least by themselves. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
+    upper one first; n_zeros : degree of the numerator, by default that of the poles. Among the poles of all iterations,
+    those with the smallest residual are returned. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
     """
     weight = weight / np.abs(weight).max()
     n_zeros = poles.size if n_zeros is None else n_zeros
@@ -41,11 +41,11 @@ def vector_fit(
         below = stack_real_imaginary(-data[:, None] * basis * weight[:, None])
         scale = np.linalg.norm(below, axis=0)
         scale[scale == 0] = 1.0
-        # what no numerator explains: the poles that stand leave b of it, their relocation takes the rest
+        # b is the residual that no numerator over the current poles explains; their relocation explains the rest
         q = np.linalg.qr(top)[0]
         left = np.column_stack([below / scale, b])
         left = left - q @ (q.T @ left)
-        # how well these poles do by themselves: on exact data of lower order the next ones may be anywhere
+        # residual with these poles: on exact data of lower order the next ones may be anywhere
         cost = float(np.linalg.norm(left[:, -1]))
         if cost < least:
             best, least = poles, cost
@@ -53,7 +53,7 @@ def vector_fit(
         moved = relocated_poles(poles, solution)
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
-        # a pole on the axis would stand on a point of the data, fit that one and no other
+        # a pole on the axis would coincide with a data point and fit that point only
         moved = np.where(
             np.abs(moved.real) < _MIN_DAMPING * np.abs(moved), moved.imag * 1j - _MIN_DAMPING * np.abs(moved), moved
         )
@@ -99,7 +99,7 @@ def relocated_poles(poles: np.ndarray, residues: np.ndarray) -> np.ndarray:
 
 
 def starting_poles(n: int, low: float, high: float, *, spacing: str) -> np.ndarray:
-    """Return n lightly damped poles over the band [rad/s], one of them real where n is odd."""
+    """Return n lightly damped poles over the band [rad/s], one of them real if n is odd."""
     spread = np.geomspace if spacing == "log" else np.linspace
     imag = spread(low, high, max(n // 2, 1))[: n // 2]
     pairs = np.column_stack([-0.01 * imag + 1j * imag, -0.01 * imag - 1j * imag]).ravel()
@@ -109,7 +109,7 @@ def starting_poles(n: int, low: float, high: float, *, spacing: str) -> np.ndarr
 def fit_numerator(
     s: np.ndarray, data: np.ndarray, *, weight: np.ndarray, poles: np.ndarray, n_zeros: int
 ) -> tuple[np.ndarray, float]:
-    """Return zeros and gain of the best numerator of that degree over given poles.
+    """Return zeros and gain of the best numerator of the given degree over given poles.
 
     The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
     degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
@@ -126,7 +126,7 @@ def fit_numerator(
 def _numerator_basis(
     s: np.ndarray, weight: np.ndarray, *, poles: np.ndarray, n_zeros: int
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return polynomials of growing degree over the poles, orthonormal on the weighted points, and their recurrence."""
+    """Return polynomials of increasing degree over the poles, orthonormal on the weighted points; their recurrence."""
     over = weight / np.prod(s[:, None] - poles, axis=1)
     basis, up = [over / np.linalg.norm(over)], np.zeros(n_zeros + 1)
     for j in range(n_zeros):
@@ -139,8 +139,8 @@ def _numerator_basis(
 def _roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
 
-    A pencil: where the last coefficients vanish (data of a lower degree) its roots go to infinity, and the others keep
-    their digits, which they lose when the last row is divided by that coefficient instead.
+    A pencil: if the last coefficients vanish (data of a lower degree), some roots go to infinity and the others keep
+    their digits. Dividing the last row by that coefficient would lose them.
     """
     n = beta.size - 1
     if n == 0:
@@ -156,7 +156,7 @@ def _roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def stack_real_imaginary(a: np.ndarray) -> np.ndarray:
-    """Return real over imaginary parts: least squares over real unknowns."""
+    """Return real over imaginary parts, for least squares over real unknowns."""
     return np.concatenate([a.real, a.imag])
 
 
@@ -174,12 +174,12 @@ def map_to_model_plane(
 
 
 def s_plane_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Return j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
+    """Return j omega, or its bilinear image j 2/dt tan(omega dt/2): all models are fitted in the s plane."""
     return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
 
 
 def known_factor(omega: np.ndarray, delay: float, *, dt: float, excess: int) -> np.ndarray:
-    """Return what the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
+    """Return the factor that the fit does not choose: the delay and, if discrete, zeros at z = infinity (s = 2/dt)."""
     q = np.exp(-1j * omega * delay)
     return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess if dt else q
 
@@ -190,7 +190,7 @@ def zpk_response(
     """Return (F,) response of the model at the lines."""
     s = s_plane_points(omega, dt)[:, None]
     out = gain * known_factor(omega, delay, dt=dt, excess=excess)
-    # pole by zero, so that high orders neither overflow nor underflow
+    # one pole and one zero at a time, so that high orders neither overflow nor underflow
     for k in range(poles.size):
         out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)
     return out

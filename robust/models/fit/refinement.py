@@ -11,8 +11,8 @@ from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
 from robust.models.fit.rational import Roots, stack_real_imaginary
 
-_STABLE_RATIO = 1e-8  # of the lowest point: nearer the axis no stable pole comes
-_MIN_DAMPING, _MAX_DAMPING = 1e-12, 1e3  # of a step, over the largest singular value squared
+_STABLE_RATIO = 1e-8  # smallest distance of a stable pole from the axis, over the lowest frequency
+_MIN_DAMPING, _MAX_DAMPING = 1e-12, 1e3  # damping of a step over the largest singular value squared
 _N_STEPS = 150
 CONVERGED = 1e-8  # relative change of the cost in a step that ends the search
 
@@ -30,8 +30,8 @@ def refine(
 ) -> Roots:
     """Refine by Levenberg-Marquardt on the weighted error, over second-order sections in scaled frequency.
 
-    factor(delay) is what multiplies the rational function; the delay itself is refined where omega is given. It ends
-    where a step lowers the cost by no more than a relative tolerance.
+    factor(delay) multiplies the rational function; the delay itself is refined if omega is given. The refinement ends
+    when a step lowers the cost by no more than a relative tolerance.
     """
     zeros, poles, gain, delay, _ = start
     free_delay = omega is not None
@@ -47,7 +47,7 @@ def refine(
     delay_unit = 1 / omega.max() if omega is not None else 0.0
 
     def error(theta: np.ndarray) -> tuple[np.ndarray, float, Callable[[], np.ndarray]]:
-        """Return the weighted error, its sum of squares, and what gives its derivatives by the parameters."""
+        """Return the weighted error, its sum of squares, and a function for its derivatives by the parameters."""
         with np.errstate(all="ignore"):
             tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
             out = base * theta[0] * factor(tau)
@@ -86,13 +86,13 @@ def refine(
         before, J = cost, derivatives()
         if not np.isfinite(J).all():
             break
-        # squared slopes keep the digits that the least damping leaves, and cost a tenth of singular values
+        # squared slopes keep enough digits for the least damping, and cost a tenth of singular values
         H, g = J @ J.T, J @ e
         solve = _damped_solver(H, g, free=(theta > low) | (g > 0))
         while damping < _MAX_DAMPING:
             step = solve(damping)
             below = theta + step < low
-            if below.any():  # the others move with those held at their bounds
+            if below.any():  # solve again for the others, with these held at their bounds
                 held = np.where(below, low - theta, 0.0)
                 step = np.where(below, held, _damped_solver(H, g - H @ held, free=~below & (step != 0))(damping))
             trial = np.maximum(theta + step, low)
@@ -111,7 +111,7 @@ def refine(
 
 
 def _damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
-    """Return what gives the damped least squares step of the free parameters from J'J and J'e; the others stay."""
+    """Return a function of the damping: the damped least squares step of the free parameters, from J'J and J'e."""
     size = np.sqrt(np.diag(H))
     scale = free / np.where(size > 0, size, 1.0)
     squares, axes = np.linalg.eigh(H * scale * scale[:, None])
@@ -130,7 +130,6 @@ def _section_coefficients(roots: np.ndarray) -> np.ndarray:
 
 
 def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarray]:
-    """Return the value of each section."""
     sections = [x * x + theta[k] * x + theta[k + 1] for k in range(0, n - n % 2, 2)]
     if n % 2:
         sections.append(x + theta[-1])
@@ -138,7 +137,7 @@ def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndar
 
 
 def _relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
-    """Put the derivative of each section by each of its parameters, over its value, into out (n, W)."""
+    """Write the derivative of each section by each of its parameters, over its value, into out (n, W)."""
     with np.errstate(all="ignore"):
         for k, section in enumerate(sections):
             rows = out[2 * k : 2 * k + 2]
@@ -148,7 +147,6 @@ def _relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarr
 
 
 def _roots_from(theta: np.ndarray, n: int) -> np.ndarray:
-    """Return the roots of all sections."""
     found: list[complex] = []
     for k in range(0, n - n % 2, 2):
         c1, c0 = theta[k], theta[k + 1]
@@ -157,7 +155,7 @@ def _roots_from(theta: np.ndarray, n: int) -> np.ndarray:
             half = np.sqrt(inner)
             found += [-c1 / 2 + half, -c1 / 2 - half]
         else:
-            # the larger root first, the other from their product: no cancellation
+            # the larger root first, the other one from their product: no cancellation
             far = -c1 / 2 - np.copysign(np.sqrt(inner.real), c1)
             found += [complex(far), complex(c0 / far if far else 0.0)]
     if n % 2:
@@ -165,15 +163,15 @@ def _roots_from(theta: np.ndarray, n: int) -> np.ndarray:
     return np.array(found, dtype=complex)
 
 
-# ---- How far |W| lies above a target, as a function of the roots of W.
+# ---- Excess of |W| over a target, as a function of the roots of W.
 
 
 @value
 class MagnitudeProblem:
-    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no demand there).
+    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no target there).
 
-    floor (N,) is the log of the smallest zero damping allowed near each point (poles: a third), share (N,) what a
-    point counts for in the mean.
+    floor (N,) : log of the smallest zero damping allowed near each point (a third of it for poles).
+    share (N,) : weight of each point in the mean.
     """
 
     x: np.ndarray
@@ -201,7 +199,7 @@ class MagnitudeProblem:
         return e, J
 
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what each excess counts for, ends nothing, and what lying below does: not less than an even share."""
+        """Return weights for each excess, zero at the ends; for negative excess at least an even share."""
         share = np.zeros(self.x.size + 2 * bool(np.isfinite(self.low)))
         share[: self.x.size] = self.share
         return share, np.maximum(share, 1 / self.x.size)
@@ -211,7 +209,7 @@ class MagnitudeProblem:
         return float(self.share @ self.excess(theta, log_k, order)[0][: self.x.size])
 
     def clip_sections(self, theta: np.ndarray, order: int) -> np.ndarray:
-        """Return sections kept near the band, zeros too broad to hide between two points."""
+        """Return sections kept near the band, with zeros too broad to hide between two points."""
         theta = theta.copy()
         # far outside the band a corner is free to go anywhere, and would
         reach = 2.0 if np.isfinite(self.low) else 7.0
@@ -227,11 +225,11 @@ class MagnitudeProblem:
         return theta
 
     def coarsen(self, most: int) -> MagnitudeProblem:
-        """Return the same demand on fewer points: both ends of each group, with the highest target of the group."""
+        """Return the same target on fewer points: both ends of each group, with its highest target."""
         if self.x.size <= 1.2 * most:
             return self
-        # groups evenly over the index, over log frequency (lines of a multisine crowd at the top of the band), and over
-        # the ups and downs of the target, its line-to-line scatter smoothed away
+        # groups are even over the index, over log frequency (lines of a multisine crowd at the top of the band), and
+        # over the variation of the smoothed target
         width = max(1, self.x.size // 150)
         smooth = np.convolve(np.pad(self.target, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
         steps = [np.ones(self.x.size - 1), np.diff(self.log_x), np.sqrt(np.abs(np.diff(smooth)) + 1e-12)]
@@ -252,7 +250,7 @@ class MagnitudeProblem:
         )
 
     def thin(self, most: int) -> MagnitudeProblem:
-        """Return every k-th point unchanged, at most `most` of them."""
+        """Return every k-th point unchanged, at most `most` points."""
         step = max(1, self.x.size // most)
         return MagnitudeProblem(
             x=self.x[::step],
@@ -268,7 +266,7 @@ class MagnitudeProblem:
 def magnitude_problem(
     x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False, share: np.ndarray | None = None
 ) -> MagnitudeProblem:
-    """Return the demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
+    """Return the problem on all points; `ends` adds zero and infinity; `free` lets zeros hide between points."""
     log_x = np.log(x)
     return MagnitudeProblem(
         x=x,
@@ -282,7 +280,7 @@ def magnitude_problem(
 
 
 def _damping_floor(log_x: np.ndarray) -> np.ndarray:
-    """Return the log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
+    """Return the log of the smallest damping that leaves no notch, and no unseen peak, between two points."""
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
 
@@ -309,18 +307,17 @@ def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, 
 
 
 def slope_at_zero(n: int) -> np.ndarray:
-    """Return the derivative of the log gain of the sections at zero frequency by their parameters."""
+    """Return the derivative of the log gain of the sections at zero frequency by the parameters."""
     return np.array([2.0, 0.0] * (n // 2) + [1.0] * (n % 2))
 
 
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return roots behind the parameters."""
     zeros, poles = (_roots_of_logarithms(part, order) for part in (theta[:order], theta[order:]))
     return zeros, poles
 
 
 def section_logarithms(roots: np.ndarray) -> np.ndarray:
-    """Return log frequency and log damping of each pair of stable roots, real ones paired too; of one left log size."""
+    """Return log frequency and log damping of each pair of stable roots (real ones paired too), log size of one."""
     pairs, rest = pair_roots(roots)
     theta: list[float] = []
     for a, b in pairs:
@@ -330,15 +327,15 @@ def section_logarithms(roots: np.ndarray) -> np.ndarray:
 
 
 def _roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
-    """Return the stable roots of n such logarithms."""
+    """Return the n stable roots with these logarithms."""
     m, coefficients = n - n % 2, np.exp(theta)
     coefficients[:m:2], coefficients[1:m:2] = 2 * np.exp(theta[:m:2] + theta[1:m:2]), np.exp(2 * theta[:m:2])
     roots = _roots_from(coefficients, n)
-    # an exponential underflows to zero, and what is stable has to be strictly so
+    # an exponential underflows to zero, and a stable root must not be zero
     return order_roots(np.minimum(roots.real, -1e-12) + 1j * roots.imag)
 
 
-# ---- Newton steps on the roots of a weight, towards the least excess over a target.
+# ---- Newton steps on the roots of a weight, to the least excess over a target.
 
 # excess -> value, first and second derivative
 Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
@@ -387,7 +384,7 @@ def section_hessian(
     """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
     N, m = problem.x.size, order - order % 2
     c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
-    sign = np.array([[1.0], [-1.0]])  # of the roots of W, those above and those below
+    sign = np.array([[1.0], [-1.0]])  # for zeros and poles of W
     weighted = slopes * c
     linear, square = np.add.reduce(weighted, axis=-1), sign * np.vecdot(weighted, slopes)
     out = np.diag(2 * (linear - square).ravel())
@@ -403,7 +400,7 @@ def section_hessian(
 
 
 def asymmetric_cost(problem: MagnitudeProblem, below: float) -> Objective:
-    """Return the squares of the log excess, where lying below the target costs below^2 times as much."""
+    """Return the sum of squares of the log excess, with negative excess weighted below^2 times as much."""
     share, least = problem.shares()
 
     def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -416,7 +413,7 @@ def asymmetric_cost(problem: MagnitudeProblem, below: float) -> Objective:
 def fit_asymmetric(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
-    """Return the least squares on the log excess, where lying below the target costs below^2 times as much."""
+    """Return the least squares fit of the log excess, with negative excess weighted below^2 times as much."""
     return _descend_newton(
         problem,
         theta,
@@ -428,14 +425,14 @@ def fit_asymmetric(
     )
 
 
-_PLACES, _DAMPINGS = 15, (-2.0, 0.0)  # of one kind, and log damping: more of both place no better over 70 radii
+_PLACES, _DAMPINGS = 15, (-2.0, 0.0)  # places of each kind, log damping; more of either did not help over 70 radii
 _MAX_SPLIT = 0.7
 
 
 def sections_that_pay(
     problem: MagnitudeProblem, fit: tuple[np.ndarray, float], *, order: int, more: int, below: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the two places where one more section of `more` states lowers the asymmetric squares most: it, its split.
+    """Return the two places at which one more section of `more` states lowers the asymmetric cost most, with the split.
 
     A section whose zeros cancel its poles is split by a Newton step with all other parameters free: the Schur
     complement of its block of the Hessian, the others at their optimum. Places lie evenly over the points and over log
@@ -473,7 +470,7 @@ def polish_by_barrier(
     barriers: tuple[float, ...],
     n_iterations: int,
 ) -> tuple[np.ndarray, float]:
-    """Minimise the mean excess with none negative: a logarithmic barrier, lowered step by step, then to the target."""
+    """Minimise the mean of a nonnegative excess: a logarithmic barrier, lowered step by step, then to the target."""
     log_k += 0.02 - float(problem.excess(theta, log_k, order)[0].min())
     share, weight = problem.shares()
     for mu in barriers:

@@ -1,4 +1,4 @@
-"""Where the fit of a rational function with a delay starts: scanned delays, vector fitting, the fits of fewer poles."""
+"""Starts for the fit of a rational function with a delay: scanned delays, vector fitting, fits with fewer poles."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ from robust.models.fit.rational import (
 )
 from robust.models.fit.refinement import CONVERGED, refine
 
-_N_TRIALS = 41  # delays of a scan in continuous time; half more in samples
+_N_TRIALS = 41  # delays of a scan in continuous time; half as many again in samples
 _N_PLACES = 128  # frequencies at which a further pole and zero are tried
-_DAMPINGS = 0.01, 0.05, 0.25  # of a further pair
+_DAMPINGS = 0.01, 0.05, 0.25  # dampings tried for a further pair
 _MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
-_SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
-_ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
+_SHARES = 1.0, 0.3, 0.1, 0.0  # fractions of the linear least squares step; at 0 the cost is that of the smaller fit
+_ZERO_FAR = 1e6  # a zero at this multiple of the highest line has no effect
 _N_DELAYS = 3  # delays of a scan that are refined
-_N_RELOCATIONS, _N_ROUGH = 12, 4  # of vector fitting, and where delays are only compared
-_SAME_COST = 1e-6  # relative: two such starts are one
-_LIKELY_COST = 0.05  # probability of a cost over which there is nothing left to search for
-UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it: the class misses something
-#: Sizes of the error of the class that a fit starts from, over |G| in mid band: from all that a fit could miss to what
-#: no loop sees. On the machines of benchmarks.nominal three starts found what seven found.
+_N_RELOCATIONS, _N_ROUGH = 12, 4  # iterations of vector fitting; those to compare delays
+_SAME_COST = 1e-6  # relative difference of the costs of equal starts
+_LIKELY_COST = 0.05  # probability of a cost above which the search stops
+UNLIKELY_COST = 0.01  # probability of a cost below which scatter does not explain it: the class has an error
+#: Starting sizes of the error of the class, over |G| in mid band: from the largest possible misfit to one that has no
+#: effect on any loop. On the machines of benchmarks.nominal three starts found the same as seven.
 START_SIZES = 1.0, 1e-2, 1e-4
-_ROUGH = 1e-3  # relative change of a cost that is enough to compare starts
-SETTLED, MAX_ROUNDS = 1e-3, 30  # change of the log likelihood that ends the rounds of fit and size, and their number
+_ROUGH = 1e-3  # relative change of a cost, enough to compare starts
+SETTLED, MAX_ROUNDS = 1e-3, 30  # change of the log likelihood that ends the rounds of fit and size; their number
 
 
 @value
 class FrfData:
-    """Measured lines of one or several records, one after the other, and what a class may miss on each.
+    """Measured lines of one or several concatenated records, and the tolerance for the error of the class on each.
 
     Fields
     ------
     omega, G, var, dof : (F,) ndarray
-        Lines [rad/s], FRF, its variance and the degrees of freedom behind that.
+        Lines [rad/s], FRF, its variance and the degrees of freedom of that variance.
     tolerance : (F,) ndarray
-        What an error of the class counts as there, m of `loop_tolerance` [unit of G].
+        m of `loop_tolerance` [unit of G], the relative size of the error of the class on each line.
     omega_c : float
-        Crossover [rad/s] of the loop that says so, nan for none.
+        Crossover [rad/s] of the loop behind the tolerance, nan for none.
     epsilon : float
         Size of the error of the class, in units of the tolerance.
     hold : str
@@ -70,26 +70,26 @@ class FrfData:
 
     @property
     def total_var(self) -> np.ndarray:
-        """Return (F,) the variance of a line about the model: that of its scatter and of the error of the class."""
+        """Return (F,) the variance of a line about the model: scatter plus error of the class."""
         return self.var + (self.epsilon * self.tolerance) ** 2
 
 
 @value(copy=False)
 class FitSearch:
-    """The search for the best rational function of any order through measured lines, which keeps what it found.
+    """The search for the best rational function of any order through measured lines; it keeps what it found.
 
     Fields
     ------
     lines : FrfData
-        What was measured.
+        The measured lines.
     dt : float
         Sampling time of the model [s], 0 for a continuous one.
     stable : bool
-        Whether every pole is kept stable.
+        True if every pole is kept stable.
     delay : float, optional
-        In series [s]; estimated where none is given.
+        Delay in series [s]; estimated if None.
     found, begun : dict
-        The best fit so far by its numbers of poles and zeros, and that from scratch.
+        The best fit so far for each (n_poles, n_zeros), and the best one from scratch.
     """
 
     lines: FrfData
@@ -100,17 +100,17 @@ class FitSearch:
     begun: dict[tuple[int, int], Roots] = field(default_factory=dict)
 
     def begin(self, orders: tuple[int, int], *, tolerance: float = CONVERGED) -> Roots:
-        """Return the best fit of so many poles and zeros from scratch."""
+        """Return the best fit with (n_poles, n_zeros) from scratch."""
         if orders not in self.begun:
             self.begun[orders] = self.best_of(self.fresh(orders), tolerance=tolerance)
         return self.begun[orders]
 
     def best(self, orders: tuple[int, int], *, starts: tuple[Roots, ...] = ()) -> Roots:
-        """Return the best fit of so many poles and zeros: from starts of one's own, from scratch, and grown.
+        """Return the best fit with (n_poles, n_zeros): from given starts, from scratch, and grown.
 
-        Where scatter does not explain the fit from scratch, it is grown from that of two poles and two zeros less, and
-        cut from vector fitting of two more. No fit costs more than one of fewer poles and as many fewer zeros that was
-        found before.
+        If scatter does not explain the fit from scratch, it is also grown from the fit with two poles and two zeros
+        fewer, and cut from vector fitting with two more. No fit costs more than an earlier one with fewer poles and as
+        many fewer zeros.
         """
         if orders not in self.found:
             n, m = orders
@@ -129,32 +129,31 @@ class FitSearch:
         return self.found[orders]
 
     def without_zeros_above(self, roots: Roots, highest: float) -> list[Roots]:
-        """Return the fits that are left of one without its largest zeros, as many as lie above a frequency [rad/s]."""
+        """Return the fits without the largest zeros, as many as lie above a frequency [rad/s]."""
         zeros, poles, gain, tau, _ = roots
         zeros = zeros[np.argsort(np.abs(zeros), kind="stable")]
         fits = []
         for n in range(int(np.sum(np.abs(zeros) <= highest)), zeros.size):
             kept, gone = zeros[:n], zeros[n:]
-            if np.sum(gone.imag > 0) == np.sum(gone.imag < 0):  # no half of a pair
+            if np.sum(gone.imag > 0) == np.sum(gone.imag < 0):  # only whole pairs
                 start = self.with_cost(order_roots(kept), poles, gain * float(np.prod(-gone).real), tau)
                 fits.append(self.refine(start))
         return fits
 
     def offer(self, orders: tuple[int, int], fewer: Roots) -> None:
-        """Take a fit of fewer zeros for that of so many, the missing ones far above the band, where it costs less."""
+        """Replace a fit by one with fewer zeros, padded with zeros far above the band, if that costs less."""
         zeros, poles, gain, tau, _ = fewer
         n, far = orders[1] - zeros.size, _ZERO_FAR * self.lines.omega.max()
         padded = self.with_cost(np.concatenate([zeros, np.full(n, -far)]), poles, gain / far**n, tau)
         self.found[orders] = min(padded, self.found[orders], key=lambda roots: roots[4])
 
     def n_parameters(self, roots: Roots) -> int:
-        """Return the number of free real parameters of a fit."""
         return roots[0].size + roots[1].size + 1 + (self.delay is None)
 
     def improve_from_above(self) -> None:
-        """Start every fit that scatter does not explain from those of more poles and zeros, their weakest left out.
+        """Start every fit that scatter does not explain from those with more poles and zeros, without their weakest.
 
-        Where that makes one cheaper than one of more poles, that one is grown from it again.
+        A fit that becomes cheaper than one with more poles is the start to grow the larger one again.
         """
         for n, m in sorted(self.found, reverse=True):
             for k in (1, 2):
@@ -168,7 +167,7 @@ class FitSearch:
                     self.found[n, m] = self.best_of(_further_roots(self, smaller, k), self.found[n, m])
 
     def best_of(self, starts: list[Roots], best: Roots | None = None, *, tolerance: float = CONVERGED) -> Roots:
-        """Return the best of the refined starts, and of a fit that there is already; equal starts count once."""
+        """Return the best of the refined starts and of a given fit; equal starts are refined once."""
         tried: list[float] = []
         for start in sorted(starts, key=lambda roots: roots[4]):
             if all(abs(start[4] - cost) > _SAME_COST * cost for cost in tried):
@@ -180,30 +179,30 @@ class FitSearch:
         return best
 
     def probability(self, roots: Roots) -> float:
-        """Return the probability with which scatter, and the error of the class, leave a cost as large."""
+        """Return the probability that scatter and the error of the class leave a cost at least as large."""
         return probability_of_cost(roots[4], self.lines.dof, self.n_parameters(roots))
 
     def explained(self, roots: Roots) -> bool:
-        """Return whether scatter explains what a fit leaves."""
+        """Return True if scatter explains the residual of a fit."""
         return self.probability(roots) > _LIKELY_COST
 
     def with_class_error(self, epsilon: float, delay: float | None) -> FitSearch:
-        """Return a search that weighs the lines by an error of the class, too, behind a delay [s] if one is given."""
+        """Return a search with an error of the class in the weights of the lines; `delay` [s] is fixed unless None."""
         return replace(self, lines=replace(self.lines, epsilon=epsilon), delay=delay, found={}, begun={})
 
     def best_with_class_error(self, orders: tuple[int, int]) -> tuple[FitSearch, Roots]:
-        """Return the best fit and the search that weighed its lines: this one where scatter explains what it leaves.
+        """Return the best fit and the search that weighed its lines: this one if scatter explains the residual.
 
-        Where it does not, the error of the class is estimated with the model, from the fit to the scatter alone and
-        from scratch under several sizes of that error. Where that leads to a fit that scatter explains, the class has
-        no error after all.
+        Otherwise the error of the class is estimated with the model, from the fit to the scatter alone and from scratch
+        at several sizes of that error. If that leads to a fit that scatter explains, the class has no error after
+        all.
         """
         roots = self.found[orders] if orders in self.found else self.begin(orders)
-        if not self.probability(roots) < UNLIKELY_COST:  # where no variance was given there is no error to tell apart
+        if not self.probability(roots) < UNLIKELY_COST:  # without variances the error of the class is not separable
             return self, self.best(orders)
         begun = [roots]
         for k, epsilon in enumerate(START_SIZES):
-            # the delay is searched for once: at the size under which the class fits its own way
+            # the delay is searched for once: at the size at which the scatter matters least
             weighted = self.with_class_error(epsilon, self.delay if k == 0 else begun[-1][3])
             begun.append(weighted.begin(orders, tolerance=_ROUGH))
         settled = [self.settle(start, _ROUGH) for start in begun]
@@ -214,9 +213,9 @@ class FitSearch:
         return self, self.best(orders, starts=(alone,))
 
     def settle(self, roots: Roots, tolerance: float = CONVERGED) -> tuple[FitSearch, Roots]:
-        """Return the fit that is most likely near a start, with the search at the size of the error of the class.
+        """Return the most likely fit near a start, with the search at the most likely size of the class error.
 
-        Size and model are made most likely in turn, which never makes both together less likely.
+        Size and model are optimised in turn; no step lowers the likelihood of both together.
         """
         weighted, last = self, np.inf
         for _ in range(MAX_ROUNDS):
@@ -230,9 +229,9 @@ class FitSearch:
         return weighted, roots
 
     def unlikelihood(self, roots: Roots) -> float:
-        """Return the negative log likelihood of a fit over that of its scatter alone.
+        """Return the negative log likelihood of a fit minus that of its scatter alone.
 
-        In units of what estimated variances make of scatter; where no variance was given, at the likeliest one.
+        The cost is in units of its expectation for estimated variances; without variances the likeliest one is used.
         """
         cost, dof = roots[4], self.lines.dof
         if np.isnan(dof).any():
@@ -241,19 +240,17 @@ class FitSearch:
         return cost / unit + float(np.sum(np.log(self.lines.total_var / self.lines.var)))
 
     def response(self, roots: Roots) -> np.ndarray:
-        """Return (F,) the response of a fit."""
         zeros, poles, gain, tau, _ = roots
         return zpk_response(
             self.lines.omega, zeros, poles=poles, gain=gain, delay=tau, dt=self.dt, excess=poles.size - zeros.size
         )
 
     def with_cost(self, zeros: np.ndarray, poles: np.ndarray, gain: float, tau: float) -> Roots:
-        """Return a fit with its cost."""
         model = self.response((zeros, poles, gain, tau, np.nan))
         return zeros, poles, gain, tau, float(np.sum(np.abs(self.lines.G - model) ** 2 / self.lines.total_var))
 
     def refine(self, start: Roots, tolerance: float = CONVERGED) -> Roots:
-        """Return the fit that Levenberg and Marquardt's method makes of a start; a delay in samples stays."""
+        """Return the fit refined from a start by Levenberg and Marquardt's method; a delay in samples stays."""
         excess = start[1].size - start[0].size
 
         def factor(tau: float) -> np.ndarray:
@@ -271,7 +268,7 @@ class FitSearch:
         )
 
     def fresh(self, orders: tuple[int, int]) -> list[Roots]:
-        """Return starts from scratch, at the delay that is given or those that leave least."""
+        """Return starts from scratch, at the given delay or at those of the smallest cost."""
         if self.delay is None:
             delays = _trial_delays(self.lines, self.dt)
             rough = [_vector_fitted(self, orders, float(tau), "log", n_iterations=_N_ROUGH) for tau in delays]
@@ -284,7 +281,7 @@ class FitSearch:
 
 
 def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
-    """Return delays [s] from none to twice the mean group delay, or a turn at the highest line."""
+    """Return delays [s] from zero to twice the mean group delay, or to one turn at the highest line."""
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
     omega = lines.omega[order]
@@ -299,7 +296,7 @@ def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
 def _vector_fitted(
     search: FitSearch, orders: tuple[int, int], tau: float, spacing: str, *, n_iterations: int = _N_RELOCATIONS
 ) -> Roots:
-    """Return zeros and poles by vector fitting behind a delay [s], or poles on the peaks."""
+    """Return a fit by vector fitting behind a delay [s], or with poles on the peaks."""
     lines, (n_poles, n_zeros) = search.lines, orders
     s = s_plane_points(lines.omega, search.dt)
     q = known_factor(lines.omega, tau, dt=search.dt, excess=n_poles - n_zeros)
@@ -310,7 +307,7 @@ def _vector_fitted(
     else:
         poles = starting_poles(n_poles, low, high, spacing=spacing)
     if n_poles and spacing != "peaks":
-        # a wild variance ratio stalls the relocation; the refinement works with the true one
+        # an extreme variance ratio stalls the relocation; the refinement uses the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
         poles = vector_fit(
             s, data, weight=tame, poles=poles, n_zeros=n_zeros, n_iterations=n_iterations, stable=search.stable
@@ -320,7 +317,7 @@ def _vector_fitted(
 
 
 def _with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: float) -> Roots:
-    """Return the fit of the best numerator over given poles and a given delay [s]."""
+    """Return the fit with the best numerator over given poles and a given delay [s]."""
     lines = search.lines
     q = known_factor(lines.omega, tau, dt=search.dt, excess=poles.size - n_zeros)
     data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.total_var)
@@ -330,7 +327,7 @@ def _with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: flo
 
 
 def _poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
-    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency or more between them."""
+    """Return (n,) lightly damped poles on the highest peaks, at least a fifth of their frequency apart."""
     x, size = np.abs(s), np.abs(data)
     poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
     while len(poles) < n:
@@ -341,10 +338,10 @@ def _poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
 
 
 def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
-    """Return starts with one (k = 1) or two further poles and as many zeros, where the residual asks for them most.
+    """Return starts with one (k = 1) or two further poles and as many zeros, at the largest effect on the residual.
 
-    A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b: at each place the least
-    squares of the residual by them and by small steps of all that is fitted says what the place is worth.
+    A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b. The value of a place is
+    the reduction of the residual by a, b and small steps of all fitted parameters, in least squares.
     """
     lines, (zeros, poles, gain, tau, _) = search.lines, roots
     s, model = s_plane_points(lines.omega, search.dt), search.response(roots)
@@ -357,7 +354,7 @@ def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
     e = stack_real_imaginary((lines.G - model) / np.sqrt(lines.total_var))
 
     def left(part: np.ndarray) -> np.ndarray:
-        """Return what small steps of all that is fitted do not do."""
+        """Return the part that small steps of all fitted parameters do not reach."""
         stacked = stack_real_imaginary(part * weight[:, None])
         return np.asarray(stacked - q @ (q.T @ stacked))
 
@@ -398,7 +395,7 @@ def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
 
 
 def _fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
-    """Return the start that is left of a fit without a real pole (k = 1) or a pair, and as many zeros: the cheapest."""
+    """Return the cheapest start without one real pole (k = 1) or one pair, and with as many zeros fewer."""
     zeros, poles, _, tau, _ = roots
     pairs, rest = pair_roots(poles)
     real = np.array([*rest, *(p for pair in pairs for p in pair if p.imag == 0)])

@@ -2,11 +2,11 @@
 
     G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
 
-minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2, and what the class of models may miss counts next
-to that scatter as in `robust.models.fit.class_error`. The poles of a machine are those of all its
-entries, and a mode moves one shape: residues of rank one, n states and not n n_u for n poles. Started by vector fitting
-with poles shared by all entries, residues cut to their rank; then Levenberg-Marquardt on p, C and B, with least-norm
-steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
+minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2, with the error of the class of models beside that
+scatter as in `robust.models.fit.class_error`. All entries of a machine share its poles, and a mode has one shape:
+residues have rank one, and n poles make n states, not n n_u. The start is vector fitting with poles shared by all
+entries and residues cut to their rank. Then follows Levenberg-Marquardt on p, C and B, with least-norm steps, because
+C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from robust.models.fit.class_error import balance, loop_tolerance
 from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
 _N_RELOCATIONS, _N_STEPS = 15, 60
-_MIN_POLE_DISTANCE = 1e-6  # damping of the start under which a pole is moved off the axis
+_MIN_POLE_DISTANCE = 1e-6  # damping below which a starting pole is moved off the axis
 _CONVERGED = 1e-12
-_MIN_EIGENVALUE_RATIO = 1e-3  # eigenvalue of a covariance over its largest one, at least
+_MIN_EIGENVALUE_RATIO = 1e-3  # least eigenvalue of a covariance over its largest one
 
 
 @value(copy=False)
@@ -37,9 +37,9 @@ class SharedPoles:
     Fields
     ------
     poles : (n,) complex ndarray
-        Upper half plane and real ones: each stands for its conjugate, too.
+        Poles in the upper half plane, each with its conjugate, and real ones.
     left, right : (n, n_y, rank), (n, n_u, rank) complex ndarray
-        Residue r is left[r] right[r]^T; real where the pole is.
+        Residue r is left[r] right[r]^T; real for a real pole.
     direct : (n_y, n_u) ndarray
         D.
     """
@@ -63,14 +63,14 @@ class SharedPoles:
 
     @property
     def n_parameters(self) -> int:
-        """Return free real parameters: scaling C against B costs rank^2 of each residue."""
+        """Return the number of free real parameters: scaling C against B costs rank^2 of each residue."""
         n_y, rank = self.left.shape[1:]
         each = 1 + rank * (n_y + self.right.shape[1]) - rank**2
         real = self.poles.imag == 0
         return int(np.sum(np.where(real, 1, 2) * each)) + int(np.count_nonzero(self.direct))
 
     def state_space(self) -> control.StateSpace:
-        """Return the real modal form: one block a pole or pair, `rank` times."""
+        """Return the real modal form: one block for each pole or pair, `rank` times."""
         A, B, C = [], [], []
         for p, c, b in zip(self.poles, self.left, self.right, strict=True):
             for k in range(c.shape[1]):
@@ -89,16 +89,16 @@ class SharedPoles:
 
 @value(copy=False, kw_only=False)
 class ErrorMetric:
-    """What an error of a measured matrix weighs: by its scatter, and by what the class of models may miss.
+    """Weight of the error of a measured matrix: by its scatter, and by the tolerance for the error of the class.
 
     Fields
     ------
     left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
-        Roots that make of an error E = left E right one of independent entries: scatter has variance one in each.
+        Factors for which left E right has independent entries for an error E: scatter has variance one in each.
     tolerance : (F, n_y, n_u) ndarray
-        Standard deviation there of an error of the class of size one.
+        Standard deviation of the entries of left E right for an error of the class of size one.
     entry_tolerance : (F, n_y, n_u) ndarray
-        The same of the entries of E themselves [unit of G].
+        The same for the entries of E [unit of G].
     epsilon : float
         Size of the error of the class.
     """
@@ -120,21 +120,21 @@ class ErrorMetric:
         return np.concatenate([flat.real, flat.imag], axis=-1)
 
     def entry_std(self) -> np.ndarray:
-        """Return (F, n_y, n_u) standard deviation of the error of each entry where the others are known."""
+        """Return (F, n_y, n_u) standard deviation of the error of each entry, given the errors of the others."""
         rows, columns = (np.swapaxes(np.abs(root) ** 2, 1, 2) for root in (self.left, self.right))
         return np.asarray(1 / np.sqrt(rows @ (1 / self.total_var) @ columns))
 
     def behind_delays(self, turn: np.ndarray) -> ErrorMetric:
-        """Return the metric of errors that were turned by a phase factor (F, n_u) of each input."""
+        """Return the metric of errors multiplied by a phase factor (F, n_u) for each input."""
         return replace(self, right=turn.conj()[:, :, None] * self.right)
 
 
 def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
-    """Return the metric of the errors of measured matrices, one after the other, for a loop with that crossover.
+    """Return the metric of the errors of concatenated measured matrices, for a loop with the crossover omega_c.
 
-    What a class may miss of an entry is as large as its row and its column are (`balance`), over |T_c|^2. Directions in
-    which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of |G|: below it a
-    variance is rounding, or one nonlinearity alone, and would be all that counts.
+    The tolerance of an entry is the product of the size of its row and its column (`balance`), over |T_c|^2. The
+    scatter in any direction is at least a thirtieth of the largest, and a millionth of |G|: a smaller variance is
+    rounding, or one nonlinearity alone, and would dominate the fit.
     """
     parts = []
     for frm in frms:
@@ -154,7 +154,7 @@ def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
         np.concatenate([frm.omega for frm in frms]), np.concatenate([frm.G for frm in frms], axis=2), omega_c
     )
     rows, columns = balance(np.moveaxis(tolerance, 2, 0))
-    # in directions in which scatter and error of the class are both independent
+    # in directions in which scatter and error of the class are both uncorrelated
     of_rows, forth = np.linalg.eigh(left * rows[:, None] ** 2 @ _conjugate(left))
     of_columns, back = np.linalg.eigh(_conjugate(right) * columns[:, None] ** 2 @ right)
     power = np.maximum(of_rows, 0.0)[:, :, None] * np.maximum(of_columns, 0.0)[:, None]
@@ -162,19 +162,18 @@ def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
 
 
 def _conjugate(X: np.ndarray) -> np.ndarray:
-    """Return the conjugate transposes of matrices (F, n, m)."""
     return np.asarray(np.swapaxes(X, 1, 2).conj())
 
 
 def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return (F, n, n) powers of Hermitian matrices with eigenvalues of at least a share of the largest, and least."""
+    """Return (F, n, n) powers of Hermitian matrices; eigenvalues are at least `share` of the largest, and `least`."""
     values, vectors = np.linalg.eigh(X)
     values = np.maximum(values, np.maximum(share * values[:, -1:], least))
     return np.asarray(vectors * values[:, None] ** power @ np.swapaxes(vectors, 1, 2).conj())
 
 
 class FitOptions(TypedDict):
-    """What a fit of shared poles is asked for."""
+    """Options of a fit with shared poles."""
 
     n_poles: int
     rank: int
@@ -229,7 +228,7 @@ def fit_by_vector_fitting(
 def _relocate_shared_poles(
     omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
 ) -> np.ndarray:
-    """Return poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
+    """Return poles shared by all entries, by vector fitting; the own unknowns of each entry are projected off first."""
     s, n = 1j * omega, poles.size
     if not n:
         return poles
@@ -251,7 +250,7 @@ def _relocate_shared_poles(
             cost += float(rest @ rest)
         if cost < least:
             best, least = poles, cost
-        # with the sign of `relocated`: sum c/(s - p) - (sum d/(s - p)) G = G
+        # with the sign of `relocated_poles`: sum c/(s - p) - (sum d/(s - p)) G = G
         solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0]
         moved = relocated_poles(poles, solution)
         if stable:
@@ -266,7 +265,7 @@ def _relocate_shared_poles(
 def _residues_of_rank(
     omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
 ) -> SharedPoles:
-    """Return residues over given poles, each cut to its largest singular values."""
+    """Return residues over given poles, each cut to its largest singular values (the rank)."""
     s = 1j * omega
     basis = partial_fractions(s, poles) if poles.size else np.zeros((s.size, 0))
     own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
@@ -307,7 +306,7 @@ def refine_shared_poles(
     direct: bool,
     stable: bool,
 ) -> tuple[SharedPoles, float]:
-    """Refine by Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
+    """Refine poles, residues and D by Levenberg-Marquardt; a stable pole has the log of its real part as parameter."""
 
     residual = metric.whiten(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
@@ -363,7 +362,6 @@ def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool,
 
 
 def _step_parameters(model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool) -> SharedPoles:
-    """Return the model after a step of its parameters."""
     poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
 
     def take(real: bool) -> complex:

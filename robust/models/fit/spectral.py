@@ -1,8 +1,8 @@
-"""Weights that are matrices: W stable and minimum phase with W W* over a Hermitian matrix at every frequency.
+"""Weights that are matrices: W stable and minimum phase, with W W* above a Hermitian matrix at every frequency.
 
-W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k, so that the smallest W_l W_l* and W_r* W_r
-that hold every matrix are one convex program. The factor W follows from a Riccati equation (the positive-real lemma;
-Anderson & Vongpanitlerd, Network Analysis and Synthesis, 1973). The size stands in W_l: a scalar weight w = prod
+W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k. So the smallest W_l W_l* and W_r* W_r that
+cover every matrix follow from one convex program. The factor W follows from a Riccati equation (the positive-real
+lemma; Anderson & Vongpanitlerd, Network Analysis and Synthesis, 1973). W_l carries the size: a scalar weight w = prod
 (s - z)/(s - p) follows its trace, and W_l = w V, where V is near one in size and has its poles at the zeros z.
 """
 
@@ -24,30 +24,30 @@ from robust.proofs.search.programs import SOLVERS, solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-_BAND_MARGIN = 3.0  # how far outside the lines a pole may lie
-_POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: nearer ones are moved
-_ACTIVE_SHARE = 0.5  # of the largest gain at a line from which on a matrix is one that the fit has to hold
+_BAND_MARGIN = 3.0  # factor outside the band within which a pole may lie
+_POLE_SPACING = 0.1  # least relative distance between poles, so that their fractions differ; closer ones are moved
+_ACTIVE_SHARE = 0.5  # share of the largest gain at a line above which a matrix is a constraint of the fit
 _LIFT = 1e-9
-#: Steps of SCS where CLARABEL gives up, as of matrices of rank one: the set is lifted over every plant in any case.
+#: Steps of SCS where CLARABEL fails, as for matrices of rank one: the set is lifted over every plant in any case.
 #: With 300, 1000 and 3000 steps the weights of one such family came to 1.013, 1.003 and 1.010 of the smallest.
 _SPECTRUM_STEPS = 1000
-_RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, which is added in every direction for W to have an inverse
+_RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, added in every direction so that W has an inverse
 _MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
 
 
 def fit_matrix_weights(
     omega: np.ndarray, E: np.ndarray, *, L: np.ndarray, R: np.ndarray, order: int, dt: float
 ) -> tuple[control.StateSpace, control.StateSpace]:
-    """Fit stable minimum-phase W_l and W_r for which W_l Delta W_r holds every E, as little above L and R as they can.
+    """Fit stable minimum-phase W_l and W_r so that W_l Delta W_r covers every E, as little above L and R as possible.
 
     Parameters
     ----------
     omega : (W,) ndarray
         Lines [rad/s].
     E : (M, W, n, m) complex ndarray
-        What is to be held at every line, Delta being of gain one at most.
+        The matrices to be covered at every line, with Delta of gain at most one.
     L, R : (W, n, n), (W, m, m) complex ndarray
-        The smallest W_l W_l* and W_r* W_r that hold it: mean traces are counted in units of theirs.
+        The smallest W_l W_l* and W_r* W_r that cover E: the unit of the mean traces.
     order : int
         Poles of every entry; W_l and W_r have n and m times as many states.
     dt : float
@@ -90,7 +90,7 @@ def fit_matrix_weights(
     for W in factors:
         matrices = (W.A * unit, W.B * unit, W.C, W.D)
         sides.append(control.StateSpace(*(to_discrete(*matrices) if dt else matrices), dt, remove_useless_states=False))
-    W_l, V_r = sides  # W_r is the transpose of V_r: V V* over the conjugate of R
+    W_l, V_r = sides  # W_r is the transpose of V_r: V V* covers the conjugate of R
     W_r = control.StateSpace(V_r.A.T, V_r.C.T, V_r.B.T, V_r.D.T, dt, remove_useless_states=False)
     left, right = (np.moveaxis(response_by_channel(W, omega), 2, 0) for W in (W_l, W_r))
     Delta = np.linalg.solve(left, divide_right(E, right))
@@ -100,19 +100,19 @@ def fit_matrix_weights(
 
 def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive definite."""
-    left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r* as R = W_r* W_r
+    left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r*, because R = W_r* W_r
     Delta = divide_right(np.linalg.solve(left, E), np.swapaxes(right.conj(), -1, -2))
     return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
 
 
 def _clip_roots(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return roots of which none is far outside the lines, where nothing would hold what they make."""
+    """Return the roots clipped to the neighbourhood of the band; beyond it no line constrains the weight."""
     size = np.abs(roots)
     return roots * np.clip(size, x[0] / _BAND_MARGIN, x[-1] * _BAND_MARGIN) / size
 
 
 def _space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Return roots of which no two are equal, nor one of those taken: real ones first, pairs adjacent."""
+    """Return distinct roots, different from the taken ones too: real ones first, pairs adjacent."""
     roots = order_roots(roots)
     upper = roots[roots.imag >= 0]
     for k in range(upper.size):
@@ -123,7 +123,7 @@ def _space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
 
 
 class _SpectrumVariable:
-    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real M_k of a program."""
+    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real unknowns M_k."""
 
     def __init__(self, x: np.ndarray, poles: np.ndarray, n: int) -> None:
         import cvxpy as cp
@@ -146,7 +146,7 @@ class _SpectrumVariable:
 
     @property
     def value(self) -> np.ndarray | None:
-        """Return the M_k (1 + n_poles, n, n) that were found, or None."""
+        """Return the M_k (1 + n_poles, n, n) of the solution, or None."""
         if self.M.value is None or not np.isfinite(self.M.value).all():
             return None
         return np.asarray(self.M.value / self.largest[:, None]).reshape(-1, self.n, self.n)
@@ -174,7 +174,7 @@ def _fit_spectra(
         if k > x.size + 1:
             constraints += [cp.bmat([[X, -Y], [Y, X]]) >> 0 for X, Y in ((L, L_j), (R, R_j))]
             continue
-        for one in E[active[:, line], line]:  # of the right side the conjugate
+        for one in E[active[:, line], line]:  # the conjugate for the right side
             real = cp.bmat([[R, one.real.T], [one.real, L]])
             imaginary = cp.bmat([[-R_j, -one.imag.T], [one.imag, L_j]])
             constraints.append(cp.bmat([[real, -imaginary], [imaginary, real]]) >> 0)

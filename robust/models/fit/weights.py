@@ -1,8 +1,8 @@
 """Weights over a radius: stable, minimum phase, biproper, and as little above it as the order allows.
 
 The fit works on log |W| over log frequency: W = k prod of second-order sections in (log omega, log zeta), stable
-and minimum phase whatever the parameters. What it returns is verified on the lines, on a ten times finer grid, at
-zero and at infinity, and lifted until nothing is violated.
+and minimum phase for all parameters. The result is verified on the lines, on a ten times finer grid, at zero and at
+infinity, and lifted until nothing is violated.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ from robust.models.fit.refinement import (
     zeros_and_poles,
 )
 
-# ---- Weights by formula: what is asked of S and K S, and what a neglected delay and gain error may do.
+# ---- Weights by formula: for S and K S, and for a neglected delay and gain error.
 
 
 def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:
     """Make the performance weight w_P, |S| <= 1/|w_P|: bandwidth omega_B, peak M_S, error A at low frequency.
+
+    Use this for a bound of |S|; the bound of |K S| is `control_weight`.
 
     w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
 
     Parameters
     ----------
     omega_B : float
-        Bandwidth asked for [rad/s]: where the asymptote of 1/|w_P| crosses one.
+        Requested bandwidth [rad/s], where the asymptote of 1/|w_P| crosses one.
     M_S : float
         Largest |S| allowed anywhere, above one (2 is usual).
     A : float
@@ -89,6 +91,8 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
 
 def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order: int = 1) -> control.StateSpace:
     """Make the control weight w_u, |K S| <= 1/|w_u|: M_u at low frequency, A far above omega_bc.
+
+    Use this to bound the actuator effort and to make the controller roll off.
 
     w_u = ((s + omega_bc/M_u^(1/n))/(A^(1/n) s + omega_bc))^n.
 
@@ -134,7 +138,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
 def makeweight(
     dc: float, crossover: float | tuple[float, float], high: float, *, order: int = 1, dt: float = 0.0
 ) -> control.StateSpace:
-    """Make a weight from its gain at zero frequency, at one frequency and far above, as MATLAB's function of this name.
+    """Make a weight from its gain at zero frequency, at one frequency and far above, like MATLAB's makeweight.
 
     W = ((h s + a d)/(s + a))^n with d = dc^(1/n), h = high^(1/n), and a from the gain m at omega.
 
@@ -145,7 +149,7 @@ def makeweight(
     crossover : float or (float, float)
         Frequency [rad/s] at which |W| is one; or omega [rad/s] and |W| there, between dc and high.
     order : int
-        Of the weight: the higher, the steeper between its two gains.
+        Order of the weight: a higher one is steeper between the two gains.
     dt : float
         Sampling time [s]; 0 is continuous.
 
@@ -189,20 +193,22 @@ def makeweight(
 def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
     """Return a third-order multiplicative weight for any delay up to a maximum and any gain error up to a fraction.
 
+    Use this for a delay that the nominal model leaves out.
+
     Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The book's rational weights touch
     the exact radius from below in places; here they are lifted until they cover it.
 
     Parameters
     ----------
     delay : float
-        Longest delay [s] the nominal model leaves out.
+        Longest delay [s] that the nominal model leaves out.
     gain : float
         Relative gain error, below 1.
 
     Returns
     -------
     control.StateSpace
-        Within a few tenths of a dB of the exact radius. Without gain error it vanishes at zero frequency.
+        Within a few tenths of a dB of the exact radius. Without gain error the weight is zero at zero frequency.
 
     Raises
     ------
@@ -237,21 +243,21 @@ def _delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
     return np.where(x < np.pi, np.sqrt(gain**2 + 2 * (1 + gain) * (1 - np.cos(np.minimum(x, np.pi)))), 2 + gain)
 
 
-# ---- The numerical problem behind `fit_weight`: least mean log excess of |W| over a target that it must cover.
+# ---- The numerical problem of `fit_weight`: least mean log excess of |W| over a target that it must cover.
 
-_EXACT_TOLERANCE = 1e-4  # log error under which a weight is taken to be the target itself
-_BELOW = 8.0  # how much more lying below costs while sections are placed; of 2, 4, 8, 16 the one of least excess
-_COARSE_POINTS, _FINE_POINTS = 240, 700  # on which sections are placed, and all are polished in the end
-Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
+_EXACT_TOLERANCE = 1e-4  # log error below which a weight is the target itself
+_BELOW = 8.0  # cost of negative over positive excess while sections are placed; best of 2, 4, 8, 16
+_COARSE_POINTS, _FINE_POINTS = 240, 700  # points to place sections, and for the final polish
+Fit = tuple[float, np.ndarray, float]  # error, theta, log_k
 
 
 def _least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
-    """Return fits of the target itself from every start, the best first, with their largest error."""
+    """Return fits of the target itself from every start, with their largest error, the best one first."""
     few, fits = problem.thin(150), []
     for start in _starting_parameters(few, order):
         theta, log_k = fit_asymmetric(few, start, order=order, below=1.0, n_iterations=40)
         error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
-        if error < 1e-2:  # perhaps exact: all the points tell
+        if error < 1e-2:  # perhaps exact: decide on all points
             theta, log_k = fit_asymmetric(problem, theta, order=order, below=1.0, n_iterations=15)
             error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
         fits.append((error, theta, log_k))
@@ -262,9 +268,9 @@ def _least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
 
 @value
 class _Growth:
-    """A weight that grows by sections: least squares (theta, log_k), on which the next one is placed, and a fit.
+    """A weight that grows by sections: the least squares solution (theta, log_k), and a fit.
 
-    In the least squares what lies below the target costs `_BELOW`^2 times as much as what lies above.
+    The next section is placed on the least squares solution, whose negative excess costs `_BELOW`^2 times as much.
     """
 
     order: int
@@ -273,7 +279,6 @@ class _Growth:
 
 
 def _constant_weight(problem: MagnitudeProblem) -> _Growth:
-    """Return the weight of order 0 that covers the target."""
     placed = fit_asymmetric(problem, np.zeros(0), order=0, below=_BELOW, n_iterations=8)
     level = max(float(problem.target.max()), problem.low, problem.high)
     fit = problem.mean_excess(np.zeros(0), level, 0), np.zeros(0), level
@@ -281,7 +286,7 @@ def _constant_weight(problem: MagnitudeProblem) -> _Growth:
 
 
 def _add_states(problem: MagnitudeProblem, growth: _Growth, more: int) -> _Growth:
-    """Return the weight, of even order so far, with one or two more states where they pay most."""
+    """Return the weight, of even order so far, with one or two more states at the most profitable place."""
     order, cost, tries = growth.order + more, asymmetric_cost(problem, _BELOW), []
     for section, split in sections_that_pay(problem, growth.placed, order=growth.order, more=more, below=_BELOW):
         start = problem.clip_sections(_add_section(growth.placed[0], section, split), order)
@@ -295,7 +300,7 @@ def _add_states(problem: MagnitudeProblem, growth: _Growth, more: int) -> _Growt
 
 
 def _placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> _Growth:
-    """Return the weight whose sections stand best near a start, by least squares and then by least excess."""
+    """Return the weight with sections refined from a start, by least squares and then by least excess."""
     theta, log_k = placed = fit_asymmetric(problem, start, order=order, below=_BELOW, n_iterations=8)
     theta, log_k = polish_by_barrier(
         problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=12
@@ -304,7 +309,7 @@ def _placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> 
 
 
 def _add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> np.ndarray:
-    """Return parameters (of even order) with one more section, its zeros and poles split around those given."""
+    """Return parameters (of even order) with one more section, its zeros and poles split about the given section."""
     zeros, poles = theta.reshape(2, -1)
     return np.concatenate([zeros, section + split, poles, section - split])
 
@@ -355,19 +360,20 @@ def _parameters_of_square(q: np.ndarray) -> np.ndarray:
 
 
 _MAX_ORDER = 16
-#: Of a weight whose order nobody gave: its states come back in every controller and proof.
+#: For a weight without a given order: its states return in every controller and proof.
 MAX_CHOSEN_ORDER = 12
-STATE_PRICE_DB = 0.1  # of mean excess that a state has to save
-PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes one alone lowers no level
-_ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is no weight of its order
+STATE_PRICE_DB = 0.1  # least saving of mean excess by one state
+PATIENCE = 2  # pairs of states after the best that may save nothing: of two spikes, one alone lowers no level
+_ROUGH_TOLERANCE = 0.1  # log error of a first fit above which the radius is not a weight of its order
 _MAX_EXACT_ORDER = 8
-_LARGEST_STEP = 0.12  # of ln(omega) from point to point of a fit: as many as where a radius is assumed
+_LARGEST_STEP = 0.12  # of ln(omega) between two points of a fit, as for an assumed radius
 _MOST_BETWEEN = 20  # points between two lines
-#: Of the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the radius without it.
+#: Least importance over the largest. For |T|, which falls by 40 dB a decade, a weight of order 4 lay 78 dB over the
+#: radius without it.
 LEAST_IMPORTANCE = 0.1
 _MAX_MEAN_EXCESS_DB = 30.0
 _REFINEMENT = 10
-_LIFT = 1e-7  # what a parabola between the finest points could still hide
+_LIFT = 1e-7  # bound of what a parabola between the finest points could hide
 _MAX_POINTS = 1500
 _EXACT_DB = 0.005
 _DB = 20 / np.log(10)
@@ -382,13 +388,13 @@ class _WeightFit:
     W : control.StateSpace
         Stable, minimum phase, biproper.
     min_ratio : float
-        Smallest |W| over what it has to cover, on the lines, on a ten times finer grid, at zero and infinity;
+        Smallest |W| over the required magnitude, on the lines, on a ten times finer grid, at zero and infinity;
         at least one.
     max_excess_db, mean_excess_db : float
-        Largest |W| over the radius on the lines [dB], and its mean by their importance.
+        Largest |W| over the radius on the lines [dB], and its mean weighted by importance.
     exact : bool
-        The radius was itself a weight of this order and was recovered; what it does between the lines is then
-        taken for the radius there. Otherwise the larger of the two neighbours holds between lines.
+        True if the radius is itself a weight of this order and was recovered; |W| is then also the radius between
+        the lines. Otherwise the larger of the two neighbours is the radius between lines.
 
     References
     ----------
@@ -408,7 +414,7 @@ class _WeightFit:
     exact: bool
 
 
-_N_COVER, _SLOWEST_RATIO = 400, 1 / 30  # points, and the first one as a share of the slowest corner
+_N_COVER, _SLOWEST_RATIO = 400, 1 / 30  # points, and the first one over the slowest corner
 
 
 class WeightOrderError(ValueError):
@@ -425,32 +431,34 @@ def fit_weight(
 ) -> _WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
+    Use this for a radius of your own; `uncertainty` fits its weight by itself.
+
     Parameters
     ----------
     omega : (W,) ndarray
         Frequencies [rad/s], increasing.
     radius : (W,) ndarray
-        What |W| has to cover there, positive.
+        Magnitude that |W| has to cover, positive.
     order : int, optional
-        Number of poles (and zeros) of the weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of
-        the mean excess.
+        Number of poles (and zeros) of the weight. By default it grows up to 12 as long as a state saves 0.1 dB of the
+        mean excess.
     dt : float
         0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
     importance : (W,) ndarray, optional
-        What a decibel of excess counts for at each frequency, for example |T| of the loop that is meant; the same
-        everywhere when not given, and nowhere less than a tenth of the largest. What is covered does not depend on it.
+        Weight of a decibel of excess at each frequency, for example |T| of the intended loop; uniform by default, and
+        nowhere less than a tenth of the largest. The covered radius does not depend on it.
 
     Returns
     -------
     WeightFit
-        The mean excess over the lines, by their importance, was minimised; |W| >= radius holds on the lines,
-        |W| >= the larger neighbour between them, |W| >= the first and last radius at zero and infinity.
+        It has the least mean excess over the lines, weighted by importance. |W| >= radius holds on the lines, |W| >=
+        the larger neighbour between them, |W| >= the first and last radius at zero and infinity.
 
     Raises
     ------
     ValueError
-        Frequencies that do not increase, a radius that is not positive, or an order so low that the mean
-        excess would be 30 dB or more (it says which order would do).
+        Frequencies that do not increase, a radius that is not positive, or an order so low that the mean excess would
+        be 30 dB or more (the message gives a sufficient order).
 
     References
     ----------
@@ -489,14 +497,14 @@ def fit_weight(
 
 
 def larger_of_neighbours(radius: np.ndarray) -> np.ndarray:
-    """Return (W,) what a weight has to cover on each line, for the larger neighbour to hold between lines."""
+    """Return (W,) the magnitude needed on each line so that the larger neighbour is covered between lines."""
     sides = np.pad(radius, 1, mode="edge")
     return np.maximum(radius, np.maximum(sides[:-2], sides[2:]))
 
 
 @value
 class _Demand:
-    """Lines omega (W,) [rad/s], the radius there, the sampling time [s], and what the lines count for, in all one."""
+    """Lines omega (W,) [rad/s], the radius there, the sampling time [s], and the weights of the lines, of sum one."""
 
     omega: np.ndarray
     radius: np.ndarray
@@ -510,11 +518,11 @@ class _Demand:
 
     @property
     def envelope(self) -> np.ndarray:
-        """The log magnitude that each line needs, for a continuous weight to cover the larger neighbour."""
+        """The log magnitude needed on each line so that a continuous weight covers the larger neighbour."""
         return np.log(larger_of_neighbours(self.radius))
 
     def problem(self) -> MagnitudeProblem:
-        """Return the fit to the lines and to points between them: where lines are sparse, a weight must not bulge."""
+        """Return the fit to the lines and to points between them: between sparse lines a weight must not bulge."""
         log_w, log_r = np.log(self.omega), np.log(self.radius)
         gaps = np.diff(log_w)
         n = np.minimum(np.ceil(gaps / _LARGEST_STEP), _MOST_BETWEEN + 1).astype(int) - 1
@@ -523,7 +531,7 @@ class _Demand:
         order = np.argsort(np.r_[log_w, log_w[at] + part * gaps[at]], kind="stable")
         omega = np.exp(np.r_[log_w, log_w[at] + part * gaps[at]])[order]
         envelope = np.r_[self.envelope, np.maximum(log_r[at], log_r[at + 1])][order]
-        of_line = np.r_[np.arange(log_w.size), at + (part > 0.5)]  # the nearest line, whose importance its points share
+        of_line = np.r_[np.arange(log_w.size), at + (part > 0.5)]  # the nearest line, whose importance a point takes
         share = (self.share / np.bincount(of_line))[of_line][order]
         x = np.where(
             order < log_w.size, self.x[np.minimum(order, log_w.size - 1)], _imaginary_axis_frequencies(omega, self.dt)
@@ -532,7 +540,7 @@ class _Demand:
 
 
 def _best_weight(demand: _Demand, order: int) -> _WeightFit:
-    """Fit the weight of an order: exact where possible, otherwise of least mean excess found."""
+    """Fit a weight of given order: exact if possible, otherwise with the least mean excess found."""
     if order and (exact := _exact_weight(demand, order)):
         return exact
     problem = demand.problem()
@@ -540,7 +548,7 @@ def _best_weight(demand: _Demand, order: int) -> _WeightFit:
     growth = _constant_weight(coarse)
     while growth.order < order:
         growth = _add_states(coarse, growth, min(2, order - growth.order))
-    # of an odd order what grew by pairs may be far from the best: a rational fit of |W|^2 is another start
+    # for an odd order the weight grown by pairs may be far from the best: a rational fit of |W|^2 is another start
     lines = magnitude_problem(demand.x, demand.envelope, ends=True, share=demand.share).coarsen(_COARSE_POINTS)
     begun = []
     for start in _starting_parameters(lines.thin(150), order) if order else []:
@@ -550,7 +558,7 @@ def _best_weight(demand: _Demand, order: int) -> _WeightFit:
 
 
 def _choose_weight(demand: _Demand) -> _WeightFit:
-    """Fit the weight of the order whose states pay: least mean excess and price of its states together."""
+    """Fit the weight of the order with the least sum of mean excess and price of its states."""
     fits = list(islice((fit for order in _exact_orders(demand) if (fit := _exact_weight(demand, order))), 1))
     problem = demand.problem()
     coarse = problem.coarsen(_COARSE_POINTS)
@@ -570,7 +578,7 @@ def _choose_weight(demand: _Demand) -> _WeightFit:
 
 
 def _exact_orders(demand: _Demand) -> list[int]:
-    """Return the orders of which the radius may be a weight: a first fit comes near it, as one of high order does."""
+    """Return the orders at which the radius may be a weight: a first fit comes near it, as one of high order does."""
     problem = magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True).thin(150)
 
     def is_near(order: int) -> bool:
@@ -584,8 +592,8 @@ def _exact_orders(demand: _Demand) -> list[int]:
 
 
 def _exact_weight(demand: _Demand, order: int) -> _WeightFit | None:
-    """Return the weight that the radius is, if it is one of this order."""
-    if demand.omega.size < 4 * (2 * order + 1):  # through fewer lines a weight may go by accident
+    """Return the radius as a weight of this order, or None if it is not one."""
+    if demand.omega.size < 4 * (2 * order + 1):  # a weight may fit fewer lines by accident
         return None
     error, theta, _ = _least_squares(magnitude_problem(demand.x, np.log(demand.radius), ends=False, free=True), order)[
         0
@@ -614,8 +622,8 @@ def _finished_weight(demand: _Demand, problem: MagnitudeProblem, growth: _Growth
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
     """Fit a discrete weight of one channel that covers a continuous one closely, up to the Nyquist frequency.
 
-    A demand on a sampled loop is about |w| at the frequencies that it has; Tustin's image bends that axis, and asks for
-    too little near Nyquist. Over weights of first and second order the excess was at most 0.3 dB.
+    A demand on a sampled loop is about |w| at its frequencies. Tustin's method warps that axis and asks for too little
+    near Nyquist. For weights of first and second order the excess was at most 0.3 dB.
     """
     corners = np.abs(np.concatenate([weight.poles(), weight.zeros()]))
     first = np.min(corners[corners > 0], initial=np.pi / dt) * _SLOWEST_RATIO
@@ -625,7 +633,6 @@ def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
 
 
 def _checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance: np.ndarray | None) -> _Demand:
-    """Return the demand, each part checked."""
     omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
     dt = require_nonnegative("dt", dt)
     if omega.size < 2 or radius.shape != omega.shape:
@@ -650,7 +657,7 @@ def _checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance
 
 
 def _imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Return frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
+    """Return frequencies on the imaginary axis: omega itself, or 2/dt tan(omega dt/2)."""
     return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
 
 
@@ -685,10 +692,10 @@ def _magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
 def _largest_shortfall(demand: _Demand, theta: np.ndarray, order: int) -> float:
     """Return the largest ratio of larger neighbour to |W| between the lines: on a finer grid, then in each dip.
 
-    The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
+    The grid is even over the imaginary axis: near the Nyquist frequency a small step in omega is a large one there.
     """
     x, radius = np.log(demand.x), demand.radius
-    x[-1] += 10.0 * (demand.omega[-1] * demand.dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
+    x[-1] += 10.0 * (demand.omega[-1] * demand.dt >= np.pi * (1 - 1e-6))  # Nyquist is at infinity on that axis
     fine = (x[:-1, None] + np.linspace(0, 1, _REFINEMENT + 1) * np.diff(x)[:, None]).ravel()
     fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], _MAX_POINTS)]))
     target = np.maximum(radius[1:], radius[:-1])
