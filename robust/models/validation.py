@@ -1,4 +1,4 @@
-"""A second record, of another day or level, against a model: is it the same machine, and does it lie in the set?"""
+"""Comparison of a second record, of another day or level, with a model: change and membership in the set."""
 
 from __future__ import annotations
 
@@ -22,70 +22,71 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-# What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing
-# has changed. Divided by its standard deviation it is white: z_k, of independent phases whatever their sizes are. Of
-# several channels it has the sum of the covariances of both records: noise and distortion of both count, while the
-# bound of one alone is for a new set without measurement noise. Two things may be wrong with d, and they are separated.
+# The test is about the difference between the two records, d = G_2 - G_1: both scatter about one BLA if the machine has
+# not changed. Divided by its standard deviation d is white: z_k, with independent phases whatever their sizes are. For
+# several channels its covariance is the sum of those of both records, which includes noise and distortion of both; the
+# bound of one record alone is for a new realisation without measurement noise. d can deviate in two ways, which are
+# separated:
 #
-# shape   d goes along a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation. By chance the
+# shape   d follows a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation. By chance the
 #         score s = sum Re(conj(x_k) z_k) has the covariance C = 1/2 sum |z_k|^2 Re(conj(x_k) x_k^T), given the sizes
-#         |z_k|: then s^T C^-1 s is chi-square of three degrees of freedom. It needs no level: a wrong one drops out.
-# level   what is left of d is larger than both records say that they scatter.
+#         |z_k|: then s^T C^-1 s is chi-square with three degrees of freedom. It needs no level: a wrong one drops out.
+# level   the remainder of d is larger than the scatter of both records.
 
-_WINDOW = 9  # lines over which the slope of an FRF is taken
+_WINDOW = 9  # lines over which the slope of an FRF is estimated
 _MIN_SHARED_LINES = 8  # lines below which a shape is not tested
-#: Lines: over their number, the variance of the log power of the residual of two records of one machine.
+#: Variance of the log residual power of two records of one machine, times the number of lines.
 _LEVEL_LINES = 2.0
-_SAME_LINE = 1e-9  # relative: one line
-_VARIANCE_FLOOR = 1e-8  # of the largest eigenvalue of a covariance
-_CONFIDENCE = 0.95  # of a record that is held against a record
+_SAME_LINE = 1e-9  # relative difference of equal lines
+_VARIANCE_FLOOR = 1e-8  # relative to the largest eigenvalue of a covariance
+_CONFIDENCE = 0.95  # for a record against a record
 _DIFFERENCE_STEP = 1e-5
-_CHANGED = 0.01  # p below which a change counts as seen in the conclusion; chosen, nothing else depends on it
-_LINE_TOLERANCE = 1e-6  # relative: a line of the FRF that a model is made around
+_CHANGED = 0.01  # p below which the conclusion reports a change; a choice, nothing else depends on it
+_LINE_TOLERANCE = 1e-6  # relative distance to a line of the FRF that a model is made around
 
 
 @value
 class Validation:
-    """A second record held against a model, or against a first record; for any number of channels.
+    """Comparison of a second record with a model, or with a first record; for any number of channels.
 
     Fields
     ------
     n_outside : int
-        Lines on which the record differs from the one behind the model by more than both scatter, at the confidence of
-        the model (95 % against a record); of several channels lines whose whole matrix does.
+        Number of lines on which the record differs from the one behind the model by more than both scatter, at the
+        confidence of the model (95 % against a record); for several channels the lines whose whole matrix differs.
     n_expected : float
-        How many do where nothing has changed.
+        Expected number of such lines without a change.
     p_value : float
         Probability that two records of one machine differ as much along a change of gain, delay and frequency
-        together, which all entries share. Uniform where nothing has changed and distortion is white over the lines; 1
-        for the record behind the model itself, nan on fewer than eight lines.
+        together, which all entries share. It is uniform without a change if the distortion is white over the lines; 1
+        for the record behind the model itself, nan for fewer than eight lines.
     omega_outside : (n_outside,) ndarray
-        Where they are [rad/s].
+        Frequencies of these lines [rad/s].
     n_lines : int
-        Lines of the record; those outside the band of the model are left out. Where the two records have other lines
-        they are compared on fewer, of which `n_expected` tells the number.
+        Lines of the record; those outside the band of the model are left out. Records with different lines are compared
+        on fewer, and `n_expected` refers to those.
     omega, distance : (n_lines,) ndarray
-        Those lines [rad/s], and how far each lies from the nominal, in units of the weight; nan against a record.
+        The lines [rad/s], and the distance of each from the nominal, in units of the weight; nan against a record.
     gain, frequency : float
-        The change that fits best, relative: a resonance that went up by 1 % has a frequency of 0.01.
+        The change with the best fit, relative: a resonance that rose by 1 % has a frequency of 0.01.
     delay : float
-        The same of the delay [s].
+        The change of the delay with the best fit [s].
     level, p_level : float
-        What is left of the difference over what both records say that they scatter, rms, and the probability of as much
-        or more where nothing has changed.
+        Rms of the remaining difference over the scatter expected from both records, and the probability of as much or
+        more without a change.
     entries_outside : (n_y, n_u) int ndarray or None
-        `n_outside` of each entry of several channels; as many are expected of each.
+        `n_outside` for each entry of several channels; `n_expected` holds for each.
     p_values : (n_y, n_u) ndarray or None
         `p_value` of each entry by itself.
     inputs, outputs : tuple of str
         Names of the channels.
     warnings : tuple of str
-        What was warned of the model and of both records.
+        Warnings about the model and both records.
 
     References
     ----------
     C. R. Rao, *Linear Statistical Inference and Its Applications*, 2nd ed., 6e (score tests); H. White, Econometrica
-    48, 817 (1980) (their covariance where variances are not known); Khatri 1964 for whole matrices, as `Bla.block`.
+    48, 817 (1980) (their covariance for unknown variances); Khatri 1964 for whole matrices, as `Bla.block`.
 
     Examples
     --------
@@ -132,11 +133,11 @@ class Validation:
 
     @property
     def n_outside_set(self) -> int:
-        """Return lines of the record outside the set itself: beyond the weight."""
+        """Return the number of lines of the record outside the set itself: beyond the weight."""
         return int(np.sum(self.distance > 1))
 
     def __str__(self) -> str:
-        """Return what was found, in a few lines."""
+        """Return the result in a few lines."""
         where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
         shares, entry, entries, what = "", "", "", "lines beyond both discs"
         rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
@@ -162,7 +163,7 @@ class Validation:
 
     @property
     def conclusion(self) -> str:
-        """Return in words whether a change is seen, of shape or scatter, and whether the set holds every line."""
+        """Return the conclusion: a change of shape or scatter, and the membership of all lines in the set."""
         seen = {"the FRF has another shape": self.p_value, "it scatters more than both records say": self.p_level}
         changed = [what for what, p in seen.items() if p < _CHANGED]
         words = ", and ".join(changed) if changed else "no change is seen"
@@ -174,12 +175,14 @@ class Validation:
 
 @keep_warnings
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
-    """Hold a second record (another day, another level, closed loop) against a model.
+    """Compare a second record (another day, another level, closed loop) with a model.
 
-    The record is compared with the one that the model was made of, line by line (of other lines those of the one that
-    has fewer, the other one interpolated); of several levels with the one that it resembles most. A model without a
-    record is taken as exact. p-values are as good as the distortion is white over the lines: they are on the rig with
-    friction, a static cubic bends all lines of one realisation together, which looks like a small change of gain (see
+    Use this to decide if an old model still holds for a machine, or if the set holds at another level.
+
+    The record is compared line by line with the record behind the model; if their lines differ, on the lines of the one
+    with fewer, with the other one interpolated. Among several levels the most similar record is taken. A model without
+    a record is taken as exact. The p-values are valid if the distortion is white over the lines. It is for the rig with
+    friction; a static cubic shifts all lines of one realisation together, which looks like a small change of gain (see
     the guide on bounds).
 
     Parameters
@@ -187,7 +190,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     model : UncertaintyModel or nlfrf.Bla
         The model, or the first record alone.
     bla : nlfrf.Bla
-        What was measured later; lines outside the band of the model are left out.
+        The later record; lines outside the band of the model are left out.
 
     Returns
     -------
@@ -196,16 +199,16 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     Raises
     ------
     ValueError
-        No line inside the band of the model, lines between those of an FRF that the model is made around, a model that
-        claims no probability, a record of other inputs and outputs.
+        No line inside the band of the model, lines between those of an FRF that the model is made around, a model
+        without a confidence, a record with other inputs and outputs.
 
     References
     ----------
-    Score test on whitened residuals, with a covariance that takes the sizes of the lines as they are.
+    Score test on whitened residuals, with a covariance given the sizes of the lines.
 
     Examples
     --------
-    A plant that became 30 % stiffer to the eye of the same multisine.
+    A plant that appears 30 % stiffer with the same multisine.
 
     >>> import control, nlfrf, robust
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1, n_realizations=2)
@@ -264,7 +267,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
 
 
 def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
-    """Return (F,) the factor from the hold of a record to that of the model's FRF; one where a hold is not known."""
+    """Return (F,) the factor from the hold of a record to that of the model's FRF; one if a hold is unknown."""
     at = np.asarray(model.nominal.omega)
     if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > _LINE_TOLERANCE:
         raise ValueError(
@@ -278,7 +281,7 @@ def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nd
 
 
 def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
-    """Return the records behind a model that share lines with another one; else the nominal, as exact."""
+    """Return the records behind a model that share lines with another record; otherwise the nominal, as exact."""
     reach = [one for one in model.records if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
     G = np.moveaxis(nominal_response(model.nominal, second.omega), -1, 0)
     return tuple(reach) or (replace(second, G=G, variance=0 * second.variance),)
@@ -287,8 +290,8 @@ def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[Recor
 def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return (n,) frequencies at which two records on lines (F,) of their own are compared.
 
-    Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
-    what scatters there would count as often, and the difference would not be white.
+    These are the lines of the one with fewer, in the band of both. So no line of the other is used twice: its scatter
+    would count twice, and the difference would not be white.
     """
     low, high = max(first[0], second[0]) * (1 - _SAME_LINE), min(first[-1], second[-1]) * (1 + _SAME_LINE)
     inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
@@ -305,7 +308,7 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 class _Change(TypedDict, total=False):
-    """What a comparison of two records found, by the names of the fields of `Validation`."""
+    """Result of a comparison of two records, by the names of the fields of `Validation`."""
 
     p_value: Required[float]
     gain: float
@@ -317,7 +320,7 @@ class _Change(TypedDict, total=False):
 
 
 def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None) -> _Change:
-    """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
+    """Return shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
     n_lines = z.size if n_lines is None else n_lines
     if n_lines < _MIN_SHARED_LINES:
         return {"p_value": float("nan")}
@@ -338,7 +341,7 @@ def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_li
 
 
 def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return (F,) slope of y over x by a parabola through the lines around each."""
+    """Return (F,) the slope of y over x by a parabola through the lines around each line."""
     n = min(_WINDOW, x.size)
     first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
     window = first[:, None] + np.arange(n)
@@ -364,17 +367,17 @@ def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
 def _compare_records(
     model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float
 ) -> Validation:
-    """Return two records of one channel on the same lines, one against the other."""
+    """Compare two records of one channel on the same lines."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > _f_quantile(p, LEVEL_DOF) * variance
     found: _Change = {"p_value": 1.0}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
-        # about the mean of both records, each for what it is worth: it is independent of their difference
+        # about the weighted mean of both records, which is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
         if isinstance(model, Bla) or model.measured_only:
             slope = _measured_slope(omega, G)
-        else:  # of the nominal, which does not scatter
+        else:  # the nominal, which does not scatter
             below, above = (
                 nominal_response(model.nominal, omega * factor)
                 for factor in (1 - _DIFFERENCE_STEP, 1 + _DIFFERENCE_STEP)
@@ -386,11 +389,11 @@ def _compare_records(
 
 
 def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
-    """Return two records of several channels on the same lines, one against the other."""
+    """Compare two records of several channels on the same lines."""
     omega, d = second.omega, second.G - first.G
     n_y, n_u = d.shape[1:]
     gamma, later_gamma, dof, later_dof = first.gamma, second.gamma, first.dof, second.dof
-    assert gamma is not None  # of several channels
+    assert gamma is not None  # for several channels
     assert later_gamma is not None
     assert dof is not None
     assert later_dof is not None
@@ -399,7 +402,7 @@ def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: floa
     variance = np.maximum(before + after, np.finfo(float).tiny)
     L = _welch_satterthwaite_dof(before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None])
     entries = np.abs(d) ** 2 > _f_quantile(p, L) * variance
-    # of inputs that went along the same directions both times the sum is a product again; else it lies above
+    # for inputs along the same directions both times the sum is a product again; otherwise it lies above
     turned = np.linalg.eigvals(np.linalg.solve(gamma, later_gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
@@ -430,7 +433,6 @@ Dof = TypeVar("Dof", float, np.ndarray)
 
 
 def _f_quantile(p: float, dof: Dof) -> Dof:
-    """Return the quantile of F(2, 2 dof)."""
     return dof * np.expm1(-np.log1p(-p) / dof)
 
 
@@ -447,12 +449,12 @@ def _inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
 
 
 def _entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> _Change:
-    """Return the change that all entries share, and p-values of a change of each entry."""
+    """Return the change that all entries share, and p-values for a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
     slope = np.array([_measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
     x, units = _change_directions(omega, G, slope)
-    assert first.gamma is not None  # of several channels
+    assert first.gamma is not None  # for several channels
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = _inverse_hermitian_root(level), _inverse_hermitian_root(first.gamma)

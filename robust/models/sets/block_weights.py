@@ -1,9 +1,9 @@
-"""The smallest W_l and W_r at each frequency for which W_l Delta W_r holds every one of several matrices.
+"""The smallest W_l and W_r at each frequency for which W_l Delta W_r covers every one of several matrices.
 
-With L = W_l W_l* and R = W_r* W_r a matrix E is W_l Delta W_r, sigma(Delta) <= 1, just where [[R, E*], [E, L]] >= 0
-(Schur complement). So the smallest pair, by tr L + tr R, is a convex program. What scales L up and R down leaves the
-set as it is: at the optimum the traces are equal, and tr L + tr R = 2 sqrt(tr L tr R). One matrix E alone has
-L = (E E*)^1/2, R = (E* E)^1/2, and the sum of its singular values.
+With L = W_l W_l* and R = W_r* W_r a matrix E is W_l Delta W_r, sigma(Delta) <= 1, if and only if
+[[R, E*], [E, L]] >= 0 (Schur complement). So the smallest pair, by tr L + tr R, is a convex program. Scaling L up and R
+down by one factor leaves the set unchanged: at the optimum the traces are equal, and tr L + tr R = 2 sqrt(tr L tr R).
+For one matrix E alone L = (E E*)^1/2, R = (E* E)^1/2, and the optimum is the sum of its singular values.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from robust.models.fit.spectral import largest_gains
 from robust.proofs.search.programs import SOLVERS, solve_program
 
-#: Smallest over mean eigenvalue of L and R: weights have an inverse, at a thousandth of the trace.
+#: Least eigenvalue of L and R over the mean one: the weights have an inverse, at the cost of a thousandth of the trace.
 _EIGENVALUE_FLOOR = 1e-3
 
 
 def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return L (W, n, n) and R (W, m, m) of least tr L + tr R that hold all E (M, W, n, m), diagonal or full.
+    """Return L (W, n, n) and R (W, m, m) of least tr L + tr R that cover all E (M, W, n, m), diagonal or full.
 
-    The answer of the solver is not trusted: both are scaled until every E is held.
+    The solution of the solver is not trusted: both are scaled until every E is covered.
 
     >>> E = np.array([[[[3.0, 0.0], [0.0, 1.0]]]])
     >>> L, R = smallest_block_weights(E, full=True)
@@ -51,7 +51,7 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
             found = [L.value, R.value]
             if all(x is not None and np.isfinite(x).all() for x in found):
                 break
-        else:  # a set that is larger than it need be, but a set
+        else:  # without a solution: a larger set than necessary, but a valid one
             found = [np.eye(2 * n), np.eye(2 * m)]
         halves = (x[: len(x) // 2, : len(x) // 2] + 1j * x[len(x) // 2 :, : len(x) // 2] for x in found)
         left, right = (_raise_eigenvalues((x + x.conj().T) / 2) * size for x in halves)
@@ -65,6 +65,6 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
 
 
 def _raise_eigenvalues(X: np.ndarray) -> np.ndarray:
-    """Return a Hermitian matrix (n, n) with a floor under its eigenvalues."""
+    """Return a Hermitian matrix (n, n) with its eigenvalues raised to a floor."""
     values, vectors = np.linalg.eigh(X)
     return np.asarray((vectors * np.maximum(values, _EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T)

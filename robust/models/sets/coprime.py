@@ -1,11 +1,11 @@
-"""Normalised coprime factors of a plant, with the plants that other factors make.
+"""Normalised coprime factors of a plant, and the plants with perturbed factors.
 
-G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. With one input and output and the complement [M~; -N~] of [N; M],
-made stable by an all-pass, every plant whose factors differ by no more than eps < 1 at a frequency is there
+G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. For one input and output let [M~; -N~], made stable by an
+all-pass, be the complement of [N; M]. A plant whose factors differ by at most eps < 1 at a frequency is there
 
     G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
 
-the plants at a chordal distance |G_p - G|/sqrt((1 + |G|^2)(1 + |G_p|^2)) of at most eps (Vinnicombe).
+the plants within a chordal distance |G_p - G|/sqrt((1 + |G|^2)(1 + |G_p|^2)) of eps (Vinnicombe).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, t
 from robust.lti.realisation import state_space
 from robust.lti.truncation import gramian_root
 
-_HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
-_FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
+_HIDDEN_MODE_RATIO = 1e-14  # Hankel singular value over the largest one, below which a mode is removed
+_FACTOR_TOLERANCE = 1e-8  # largest chordal distance between the plant and the quotient of its factors
 
 
 def invertible_scaling(
@@ -37,7 +37,7 @@ def invertible_scaling(
     W: control.StateSpace | control.TransferFunction,
     nominal: control.StateSpace | control.FrequencyResponseData,
 ) -> control.StateSpace:
-    """Return a scaling of the plant, checked to be stable with a stable inverse, on the time base of the plant."""
+    """Return a scaling of the plant, stable with a stable inverse, on the time base of the plant; or refuse it."""
     W = state_space(name, 1.0 if W is None else W)
     if (
         not is_constant(W)
@@ -58,7 +58,7 @@ def invertible_scaling(
 
 
 def require_below_one(weight: control.StateSpace) -> None:
-    """Refuse a weight that reaches one: such a set holds every plant there is."""
+    """Refuse a weight that reaches one: such a set contains every plant."""
     largest, where = hinf_norm(weight)
     if largest >= 1:
         raise ValueError(
@@ -68,7 +68,7 @@ def require_below_one(weight: control.StateSpace) -> None:
 
 
 def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return (W,) eps of the disc of that radius about G, |G| = size: its point nearest to zero is the farthest.
+    """Return (W,) the smallest eps that covers a disc about G, |G| = size: its point nearest to zero is the farthest.
 
     >>> float(chord(np.array([0.5]), np.array([1.0]))[0])              # from 1 to 1/2: 0.5/sqrt(2 * 1.25)
     0.31622776601683794
@@ -77,14 +77,14 @@ def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def tangent(w: np.ndarray) -> np.ndarray:
-    """Return (W,) t = w/sqrt(1 - |w|^2), the phase of w kept."""
+    """Return (W,) t = w/sqrt(1 - |w|^2), with the phase of w."""
     return np.asarray(w / np.sqrt(np.maximum(1 - np.abs(w) ** 2, 1e-300)))
 
 
 def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
     """Return [N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
 
-    Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
+    For several inputs and outputs G = N M^-1; transpose the factors of the transposed plant for left factors.
     """
     A, B, C, D = _scaled_continuous_plant(G)
     R = np.eye(G.ninputs) + D.T @ D
@@ -100,18 +100,17 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
 
 
 def _scaled_continuous_plant(G: control.StateSpace) -> Matrices:
-    """Return the plant in continuous time and well scaled."""
     return _scale_states(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
 
 
 def _scale_states(matrices: Matrices) -> Matrices:
-    """Scale the states of a system: in a companion form the Riccati equation may be ill-conditioned."""
+    """Scale the states of a system, because the Riccati equation of a companion form may be ill-conditioned."""
     A, B, C, D = matrices
     if not A.size:
         return matrices
     weights = balance_matrix(_bordered_matrix(A, B, C))[
         1
-    ]  # an entry at rounding level says nothing of the size of its state
+    ]  # an entry at rounding level does not reflect the size of its state
     units = weights[: len(A)] / weights[-1]
     A, B, C = A * units / units[:, None], B / units[:, None], C * units
     size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
@@ -119,7 +118,7 @@ def _scale_states(matrices: Matrices) -> Matrices:
 
 
 def _bordered_matrix(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return [A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
+    """Return [A b; c 0], with the norms of the rows of B in b and of the columns of C in c."""
     b, c = np.linalg.norm(B, axis=1, keepdims=True), np.linalg.norm(C, axis=0, keepdims=True)
     return np.block([[A, b], [c, np.zeros((1, 1))]])
 
@@ -136,8 +135,8 @@ def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.S
 def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
     """Return [N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
 
-    In states whose Gramian X is one, where that needs A + A' + C'C = 0 and B = -C'D and no inverse of X: they are met
-    to the last bit, and what rounding is left shows in N/M, which is held against the plant.
+    The states have X = 1 as Gramian, so the conditions are A + A' + C'C = 0 and B = -C'D, without the inverse of X.
+    They hold to the last bit; the remaining rounding affects N/M only, which is compared with the plant.
     """
     factors, X = coprime_factors("nominal", G)
     A, C = _output_normal_form(factors, X)
@@ -149,7 +148,7 @@ def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray
 
 
 def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and C of the factors in states of unit Gramian, by way of balanced ones, without hidden modes."""
+    """Return A and C of the factors in states with unit Gramian, from balanced states without hidden modes."""
     A, B, C, _ = factors
     if not A.size:
         return A, C
@@ -161,7 +160,7 @@ def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
-    """Refuse factors whose quotient is not the plant: what would be made of them lies outside of its set."""
+    """Refuse factors whose quotient is not the plant: plants made from them would lie outside the set."""
     if not poles.size:
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
@@ -177,7 +176,7 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
 
 
 def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
-    """Return the plant whose factors are those of G plus X times their complement, X stable."""
+    """Return the plant with the factors of G plus X times their complement, for a stable X."""
     (A, B, C, D), B_across, D_across = factors_with_complement(G)
     A_X, B_X, C_X, D_X = continuous_image(X) if X.nstates else (X.A, X.B, X.C, X.D)
     n, m = len(A), len(A_X)
@@ -193,10 +192,10 @@ def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> 
 
 
 def tangent_system(w: control.StateSpace) -> control.StateSpace:
-    """Return a stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
+    """Return a stable system with the gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
     dt = timebase(w)
     A, B, C, D = _scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
-    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
+    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), from the same equation with R = D'D - 1, which is negative
     Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
@@ -209,7 +208,7 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
 
 
 def coprime_phase_offset(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
-    """Return the phase factor of Delta between `plant_of_perturbed_factors` on `tangent_system` and the formula."""
+    """Return the phase factor of Delta between `plant_of_perturbed_factors` with `tangent_system` and the formula."""
     (A, B, C, D), B_across, D_across = factors_with_complement(G)
     dt = timebase(G)
     s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega

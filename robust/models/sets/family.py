@@ -1,12 +1,13 @@
-"""Sets from families of plants of several channels: systems, FRFs, or both, with a nominal that is given or found.
+"""Sets from families of plants with several channels: systems, FRFs, or both; the nominal is given or found.
 
-At each frequency the smallest W_l and W_r that hold the deviation of every member (`block_weights`), then stable
-minimum-phase weights over them. The forms are compared by one measure: sigma(W_r X W_l), largest over frequency. X is
-what Delta meets in the loop: T, S, G^-1 T or S G of a loop with T = omega_B/(s + omega_B) in every channel. Below one
-that loop is robust for the set (SP 8.6), and the form of the smallest measure asks least of a controller.
+At each frequency `block_weights` gives the smallest W_l and W_r that cover the deviation of every member; stable
+minimum-phase weights are fitted above them. The forms are compared by one measure: the largest sigma(W_r X W_l) over
+frequency. X is the transfer matrix seen by Delta in the loop: T, S, G^-1 T or S G, for T = omega_B/(s + omega_B) in
+every channel. Below one that loop is robust for the set (SP 8.6). The form with the smallest measure is the least
+demanding one for a controller.
 
-Members need not have stable deviations: where they and the nominal have as many poles in the right half plane (in an
-inverse form as many zeros), det(I + L) of each winds as that of the nominal does, as in the proof for a stable Delta.
+Members need not have stable deviations. If they have as many poles in the right half plane as the nominal (in an
+inverse form: zeros), det(I + L) of each has the winding number of the nominal, as in the proof for a stable Delta.
 """
 
 from __future__ import annotations
@@ -37,33 +38,33 @@ from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_cover
 from robust.pages.text import format_table
 
 _WEIGHTS = DIAGONAL, _FULL = ("diagonal", "full")
-_N_LINES, _BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far they go beyond it
+_N_LINES, _BAND_RATIO = 50, 30.0  # lines over the band of all poles, and the factor by which they extend it
 _HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
 _MAX_LINES = 160
-_FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # how far outside the band of all poles members are looked at, too
-_MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
-_MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
-MAX_ROUNDS = 3  # of adding the frequencies where a member lies outside between the lines
-CLOSE_LIFT = 1.02  # what remains is then lifted
-LIFT = 1 + 1e-6  # beyond what is proved to be enough, for the rounding of weights that are lifted
-FAMILY_ORDER = 4  # of the weights, when none is given
-TOLERANCE = 1e-3  # between both bounds of how far a member lies out
-MAX_LIFT = 1.5  # more says that no proper weight of the order holds the deviations
-#: Poles of a nominal that is found; the first whose misfit is below this share of the spread of the family.
+_FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # factors outside the band of all poles at which members are checked
+_MAX_CONDITION = 1e9  # condition number above which the inverse of a plant is rounding
+_MAX_RISE = 100.0  # far deviation over the largest on the lines, above which it has no limit
+MAX_ROUNDS = 3  # rounds that add the frequencies at which a member lies outside between the lines
+CLOSE_LIFT = 1.02  # a lift below this factor replaces further rounds
+LIFT = 1 + 1e-6  # factor beyond the proved lift, for the rounding of lifted weights
+FAMILY_ORDER = 4  # default order of the weights
+TOLERANCE = 1e-3  # between both bounds of the size of Delta
+MAX_LIFT = 1.5  # above it no proper weight of the order covers the deviations
+#: Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is taken.
 _NOMINAL_ORDERS, _MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
-_MIN_SPREAD = 1e-3  # of the largest entry on a line, which a spread counts as at least
+_MIN_SPREAD = 1e-3  # least spread, over the largest entry on a line
 
 
 @value
 class _Family:
-    """Members and nominal of a family on common lines, with the systems among them.
+    """Members and nominal of a family on common lines, and the members that are systems.
 
     Fields
     ------
     omega : (W,) ndarray
         Lines [rad/s].
     G_p : (M, W, n_y, n_u) complex ndarray
-        Members, FRFs before systems; nan of an FRF on a line that is none of its own.
+        Members, FRFs before systems; nan for an FRF on a line that it does not have.
     G : (W, n_y, n_u) complex ndarray
         The nominal.
     nominal : control.StateSpace
@@ -79,11 +80,11 @@ class _Family:
 
     @property
     def is_parametric(self) -> bool:
-        """Return whether every member is known at every frequency."""
+        """Return True if every member is a system, known at every frequency."""
         return len(self.systems) == len(self.G_p)
 
     def deviations(self, form: str) -> np.ndarray:
-        """Return (M, W, n, m) the W_l Delta W_r of each member; a refusal where the form has none for one of them."""
+        """Return (M, W, n, m) the W_l Delta W_r of each member; refuse a form that has none for one of them."""
         row, (n_y, n_u) = BLOCK_FORMS[form], self.G.shape[1:]
         if row.needs_square_plant and n_y != n_u:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
@@ -114,9 +115,9 @@ class _Family:
 
 
 def _decided_responses(form: str, family: _Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the frequencies at which rounding leaves the deviations of systems, with members and nominal there.
+    """Return the frequencies at which rounding does not dominate the deviations, with members and nominal there.
 
-    Far outside the band a plant may be as good as singular, and what its inverse would say is rounding.
+    Far outside the band a plant may be almost singular, and its inverse is rounding.
     """
     shape = (len(family.systems), omega.size, *family.G.shape[1:])
     members = np.array([_on_lines(system, omega) for system in family.systems]).reshape(shape)
@@ -130,19 +131,19 @@ def _decided_responses(form: str, family: _Family, omega: np.ndarray) -> tuple[n
 
 @value
 class _FormRanking:
-    """Forms of uncertainty for a family, the best first; `best` is that one.
+    """Forms of uncertainty for a family, the best one first.
 
     Fields
     ------
     omega_B : float
-        Bandwidth of the loop they are compared in [rad/s].
+        Bandwidth of the loop for the comparison [rad/s].
     forms : tuple of str
     measures : (n,) ndarray
-        Largest sigma(W_r X W_l) over frequency, X the T or S that the form meets; below one the loop is robust.
+        Largest sigma(W_r X W_l) over frequency, X being the T or S of the form; below one the loop is robust.
     omega : (n,) ndarray
-        Where that is [rad/s].
+        Frequency of this maximum [rad/s].
     refused : tuple of str
-        Why the other forms have no set.
+        Reasons why the other forms have no set.
 
     References
     ----------
@@ -163,7 +164,7 @@ class _FormRanking:
 
     @property
     def best(self) -> str:
-        """Return the form of the smallest measure."""
+        """Return the form with the smallest measure."""
         return self.forms[0]
 
     def __str__(self) -> str:
@@ -178,14 +179,16 @@ def choose_form(
     omega_B: float,
     weights: str = DIAGONAL,
 ) -> _FormRanking:
-    """Rank the forms of uncertainty for a family of plants by what they ask of a loop of given bandwidth.
+    """Rank the forms of uncertainty for a family of plants by their demand on a loop of given bandwidth.
+
+    Use this before `uncertainty` if you do not know where the uncertainty of a plant with several channels acts.
 
     Parameters
     ----------
     plants : list of control.StateSpace, TransferFunction or FrequencyResponseData
-        The family, of several channels.
+        The family, with several channels.
     nominal : NominalFit or control system, optional
-        Plant in the middle; found when not given, as in `uncertainty`.
+        Plant in the middle; found by default, as in `uncertainty`.
     omega_B : float
         Bandwidth of the loop [rad/s]: T = omega_B/(s + omega_B) in every channel.
     weights : str
@@ -206,7 +209,7 @@ def choose_form(
 
     Examples
     --------
-    Gains of both outputs that are up to 20 % wrong, behind an ill-conditioned plant: uncertainty of its output.
+    Gains of both outputs with errors up to 20 %, behind an ill-conditioned plant: uncertainty of its output.
 
     >>> G = control.ss([[-1.0]], [[1.0, -1.0]], [[1.0], [1.2]], np.eye(2) * 0.01)
     >>> plants = [control.ss(G.A, G.B, np.diag(k) @ G.C, np.diag(k) @ G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
@@ -218,7 +221,6 @@ def choose_form(
 
 
 def _rank_forms(family: _Family, omega_B: float, *, full: bool) -> _FormRanking:
-    """Return `choose_form` of a family on its lines."""
     s = 1j * family.omega / omega_B
     S, T = ((x[:, None, None] * np.eye(family.G.shape[1])) for x in (s / (1 + s), 1 / (1 + s)))
     found, refused = [], []
@@ -235,7 +237,7 @@ def _rank_forms(family: _Family, omega_B: float, *, full: bool) -> _FormRanking:
         found.append((float(f"{size.max():.3g}"), traces.max() / traces.min(), form, size.max(), size.argmax()))
     if not found:
         raise ValueError(f"plants must have a set in one of the forms, got none: {'; '.join(refused)}")
-    found.sort()  # of equal ones the form whose weight is flattest comes first
+    found.sort()  # forms of equal measure: the one with the flattest weight comes first
     _, _, forms, measures, at = zip(*found, strict=True)
     return _FormRanking(
         omega_B=omega_B,
@@ -247,12 +249,12 @@ def _rank_forms(family: _Family, omega_B: float, *, full: bool) -> _FormRanking:
 
 
 def is_full(weights: str) -> bool:
-    """Return whether the weights are to be matrices, of the argument of that name."""
+    """Return True for matrix weights, from the argument `weights`."""
     return require_choice("weights", weights, _WEIGHTS) == _FULL
 
 
 def find_plants(given: object) -> list[AnySystem]:
-    """Return the plants (FRFs or systems) that were given, one or many, all of as many channels; none for Blas."""
+    """Return the plants (FRFs or systems) in the argument, with equal numbers of channels; none for Blas."""
     many = list(given) if isinstance(given, list | tuple) else [given]
     if not any(map(_is_plant, many)):
         return []
@@ -265,12 +267,11 @@ def find_plants(given: object) -> list[AnySystem]:
 
 
 def _is_plant(part: object) -> bool:
-    """Return whether it is an FRF or a system."""
     return isinstance(part, control.FrequencyResponseData | control.StateSpace | control.TransferFunction)
 
 
 def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Family:
-    """Return the family on its lines: those of its FRFs, which have to be the same, else those of its poles."""
+    """Return the family on the lines of its FRFs, which must be the same, or else on lines about its poles."""
     many = find_plants(plants)
     if not many or count_channels(many[0]) == (1, 1):
         raise ValueError(f"plants must be systems or FRFs of several inputs and outputs, got {short_form(plants)}")
@@ -298,7 +299,7 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
 
 
 def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
-    """Return a nominal that was given as a system."""
+    """Return a given nominal as a system."""
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
     if isinstance(nominal, control.FrequencyResponseData):
@@ -319,7 +320,7 @@ def _on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 
 
 def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
-    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, close at each resonance."""
+    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, dense at each resonance."""
     dt = max(map(timebase, systems))
     s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
@@ -335,12 +336,12 @@ def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
 
 
 def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.StateSpace:
-    """Fit the mean response of the members by the lowest order whose misfit is small beside their spread."""
+    """Fit the mean response of the members by the lowest order whose misfit is small compared with their spread."""
     mean = G_p.mean(axis=0)
     spread = np.abs(G_p - mean).max(axis=0)
     spread = np.maximum(
         spread, _MIN_SPREAD * np.abs(mean).max(axis=(1, 2), keepdims=True)
-    )  # of an entry that is zero, too
+    )  # also for an entry that is zero
     rows, columns = spread.max(axis=2, keepdims=True), spread.max(axis=1, keepdims=True)
     std = np.moveaxis(_MISFIT_SHARE * rows * columns / rows.max(axis=1, keepdims=True), 0, 2)
     best: control.StateSpace | None = None
@@ -348,12 +349,12 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
     for n in _NOMINAL_ORDERS:
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DataWarning)  # of an order that is tried
+                warnings.simplefilter("ignore", DataWarning)  # the order is only a trial
                 fit = fit_nominal(control.frd(np.moveaxis(mean, 0, 2), omega), n_poles=n, std=std, dt=dt)
         except ValueError:  # more parameters than lines
             break
         misfit = float(np.sqrt(np.mean(np.abs(fit.residual / std) ** 2)))
-        if misfit < 0.8 * least:  # a pole more has to pay
+        if misfit < 0.8 * least:  # a further pole has to pay
             best, least = fit.G, misfit
         if misfit < 1:
             break
@@ -379,7 +380,7 @@ def make_family_set(
     perturbation: str,
     omega_B: float | None,
 ) -> UncertaintyModel:
-    """Return the set of a family, in the form that was asked for or in the one of the smallest measure."""
+    """Return the set of a family, in the requested form or in the one with the smallest measure."""
     family, full, chosen = _make_family(plants, nominal), is_full(weights), ""
     if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
@@ -411,7 +412,7 @@ def make_family_set(
 def _hold_family(
     family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str, chosen: str
 ) -> UncertaintyModel:
-    """Return a set of a form that holds every member, or a refusal where weights of the order are too far off."""
+    """Return a set in a form that covers every member; refuse if weights of the order are too far off."""
     for round_ in range(MAX_ROUNDS):
         model = _fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
         reach = _reach_of_members(model, family)
@@ -434,7 +435,7 @@ def _hold_family(
 
 
 def _add_lines(family: _Family, omega: np.ndarray) -> _Family:
-    """Return a family on more lines, on which nothing is known of its FRFs."""
+    """Return a family on more lines; its FRFs are unknown (nan) there."""
     lines, n = np.unique(np.concatenate([family.omega, omega])), len(family.G_p) - len(family.systems)
     G_p = np.full((len(family.G_p), lines.size, *family.G.shape[1:]), np.nan, dtype=complex)
     G_p[:n, np.searchsorted(lines, family.omega)] = family.G_p[:n]
@@ -444,7 +445,7 @@ def _add_lines(family: _Family, omega: np.ndarray) -> _Family:
 
 
 def _between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Return deviations (M, W, n, m) with that of the nearest line where nothing is known of a member."""
+    """Return deviations (M, W, n, m), with that of the nearest line where a member is unknown."""
     known = ~np.isnan(E).any(axis=(2, 3))
     nearest = [np.flatnonzero(row)[np.abs(omega[row] - omega[:, None]).argmin(axis=1)] for row in known]
     return np.array([member[at] for member, at in zip(E, nearest, strict=True)])
@@ -453,7 +454,7 @@ def _between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
 def _fit_set(
     family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
 ) -> UncertaintyModel:
-    """Return the set with weights over the smallest ones on the lines; the assumption outside them is of W_l."""
+    """Return the set with weights above the smallest ones on the lines; W_l carries the rule outside them."""
     dt, omega = timebase(family.nominal), family.omega
     if form == ELEMENTS:
         away = np.abs(_between_lines(family.G_p - family.G, omega)).max(axis=0)
@@ -472,7 +473,7 @@ def _fit_set(
     L, R = smallest_block_weights(E, full=full)
     size = np.einsum("wii->w", L).real
     L = L * np.maximum(1.0, MIN_RADIUS_RATIO**2 * size.max() / size)[:, None, None]
-    scale = np.einsum("wii->w", R).real[:, None, None] / R.shape[1]  # the size stands in W_l
+    scale = np.einsum("wii->w", R).real[:, None, None] / R.shape[1]  # W_l carries the size
     L, R = L * scale, R / scale
     rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
     n = L.shape[1]
@@ -497,9 +498,9 @@ def _fit_set(
 
 
 def _extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return lines continued outside the band, the nearest one to each, and how much larger a deviation is there.
+    """Return lines continued outside the band, the nearest measured line to each, and the growth of a deviation there.
 
-    As they are where the rule is flat, as the fit is by itself.
+    The lines are unchanged if the rule is flat, because the fit is flat by itself.
     """
     if rules.below == rules.above == 0:
         return omega, np.arange(omega.size), np.ones(omega.size)
@@ -509,14 +510,14 @@ def _extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[n
 
 
 def _gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Return (n + m, W) gains of the rows of W_l and of the columns of W_r."""
+    """Return (n + m, W) norms of the rows of W_l and of the columns of W_r."""
     sides = (response_by_channel(W, omega) for W in (W_l, W_r))
     return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
 
 
 @value
 class _Reach:
-    """How far a set has to reach for each member (M,), where [rad/s] (M,), and in words where that was looked at."""
+    """Size of Delta for each member (M,), its frequency [rad/s] (M,), and a description of the frequencies checked."""
 
     sizes: np.ndarray
     omega: np.ndarray
@@ -524,7 +525,7 @@ class _Reach:
 
 
 def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
-    """Return the largest Delta of each member: of an FRF on its lines, of a system proved at all frequencies."""
+    """Return the largest Delta of each member: for an FRF on its lines, for a system proved at all frequencies."""
     n, known = len(family.G_p) - len(family.systems), ~np.isnan(family.G_p)
     far = model.normalized_distance(family.omega, np.where(known, family.G_p, family.G), family.G)
     sizes, omega = far.max(axis=1), family.omega[far.argmax(axis=1)]
@@ -540,7 +541,7 @@ def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
 
 
 def _lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
-    """Return a set that is larger by a factor, with its source and extrapolation."""
+    """Return a set enlarged by a factor, with its source and extrapolation."""
     raised = tuple(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)
         for w in model.left or model.right

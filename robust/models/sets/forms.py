@@ -1,4 +1,4 @@
-"""The forms of uncertainty, one row each: what a perturbation of gain one makes of a plant and of its loop.
+"""The forms of uncertainty, one row each: the perturbed plant and its loop, for a perturbation of gain one.
 
     form                    set of plants, |Delta| <= 1      S_p = S (1 + a Delta)/(1 + b Delta)
     multiplicative          G (1 + w Delta)                  a = 0      b = w T
@@ -7,9 +7,9 @@
     inverse-additive        G / (1 + w G Delta)              a = w G    b = w G S
     coprime                 (G + t Delta)/(1 - G* t Delta)   a = -t G*  b = t (K - G*) S,  t = w / sqrt(1 - |w|^2)
 
-(SP 7.4, 7.5 and 8.2.3; the last is (N + Delta_N)/(M + Delta_M), G = N/M normalised, |[Delta_N, Delta_M]| <= |w|, with
-W G for G and K/W for K where the plant is scaled: SP 4.1.5, 9.4.1.) No other module asks for the name of a
-form: whatever differs between forms is a field of its row.
+(SP 7.4, 7.5 and 8.2.3. The last is (N + Delta_N)/(M + Delta_M), G = N/M normalised, |[Delta_N, Delta_M]| <= |w|; for a
+scaled plant W G stands for G and K/W for K: SP 4.1.5, 9.4.1.) No other module branches on the name of a form: every
+difference between forms is a field of its row.
 """
 
 from __future__ import annotations
@@ -27,54 +27,54 @@ from robust.models.sets.coprime import chord, coprime_phase_offset, plant_of_per
 
 Array = np.ndarray
 
-#: Classes of perturbation: what Delta may be.
+#: Classes of perturbation Delta.
 PERTURBATIONS = ("LTI", "statistical", "operator")
 
 
 @value
 class Form:
-    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless said otherwise.
+    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless stated otherwise.
 
     Fields
     ------
     name : str
-        What users call it.
+        Name in the interface.
     perturbed : (G, w, Delta) -> (W,) complex
         The perturbed plant.
     perturbed_system : (G, w, Delta) -> control.StateSpace
         The same as a system.
     deviation : (G_p, G) -> (W,) complex
-        w Delta that turns G into G_p.
+        The w Delta that turns G into G_p.
     radius_scale : (center, absolute) -> (W,)
-        Factor from a radius in the plane of G to one of the form; center and absolute are |G| and that radius.
+        Factor from a radius in the plane of G to one in this form; center and absolute are |G| and that radius.
     radius_limit : (center) -> (W,)
-        The radius in the plane of G from which on the form has none.
+        Radius in the plane of G at and above which the form has no radius.
     a, b : (w, G, K, S) -> (W,) complex
-        Of S_p = S (1 + a Delta)/(1 + b Delta).
+        Coefficients of S_p = S (1 + a Delta)/(1 + b Delta).
     relative_weight : (w, size) -> (W,), or None
-        |w| as a relative deviation of the plant (inverse: of one over it), size = |G|; None where it is none.
+        |w| as a relative deviation of the plant (inverse: of 1/plant), size = |G|; None if it is not relative.
     rs_factors : tuple of str
-        Factors of q = b (1 + L). N and M stand for the coprime factors, whose q is no product.
+        Factors of q = b (1 + L). N and M denote the coprime factors, whose q is not a product.
     inverse : bool
-        Delta sits in the denominator: the set is unbounded where |w| reaches one.
+        True if Delta is in the denominator: the set is unbounded where |w| reaches one.
     vanishes_with_plant : bool
-        Whether the deviation is zero where G is.
+        True if the deviation is zero where G is zero.
     delay_order : int
-        How often Delta acts before delay and hold in the plant where b has it behind them.
+        Number of times that Delta acts before delay and hold of the plant while b includes them.
     weighted_transfer : str
-        The closed-loop function that w weighs, as `mixsyn` names its weights; "" where that is none of them.
+        The closed-loop function that w weighs, as `mixsyn` names its weights; "" if it is none of them.
     matlab_expression : str
-        The uncertain plant in MATLAB's Robust Control Toolbox.
+        Expression for the uncertain plant in MATLAB's Robust Control Toolbox.
     python_measure : str
         The measure of robust stability from responses, as a Python expression (SP 7.5; coprime: Vinnicombe).
     rs_measure : (w, b) -> (W,)
-        The quantity that is below one for robust stability, in proportion to |w|.
+        Measure of robust stability, proportional to |w|: stable if and only if it is below one.
     scale_for : (w, x) -> (W,)
-        Factor on w that makes a and b grow by a factor x.
+        Factor on w that scales a and b by a factor x.
     phase_offset : (G, w, omega) -> complex
         Delta of `perturbed` over Delta of `perturbed_system` at omega [rad/s], for the same plant.
     depends_on_units : bool
-        Whether the set depends on the units of the plant, which is then scaled.
+        True if the set depends on the units of the plant, which is then scaled.
     """
 
     name: str
@@ -99,13 +99,13 @@ class Form:
     depends_on_units: bool = False
 
     def unit_of(self, unit: str) -> str:
-        """Return unit of a radius of this form, from that of the plant; empty where it has none, or none is known."""
+        """Return the unit of a radius in this form, from that of the plant; empty if dimensionless or unknown."""
         two, one = (float(self.radius_scale(np.array([c]), np.array([c / 2]))[0]) for c in (4.0, 2.0))
         power = 1 + round(np.log2(two / one))
         return unit if power == 1 else inverse_unit(unit) if unit and power == -1 else ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
-        """Return (W,) factor from an absolute radius to the radius of the form, or a refusal where there is none."""
+        """Return (W,) the factor from an absolute radius to the radius in this form; refuse one without."""
         if self.vanishes_with_plant and np.any(center == 0):
             raise ValueError(f"nominal must not vanish on a line for the {self.name} form, got zero")
         with np.errstate(divide="ignore"):
@@ -120,8 +120,8 @@ class Form:
         return self.radius_scale(center, absolute)
 
     def gains(self, w: Array, size: Array) -> tuple[Array, Array]:
-        """Return the least and largest |G_p| over the set, from |w| and |G|."""
-        if self.relative_weight is None:  # on the sphere: angles add up
+        """Return the least and the largest |G_p| over the set, from |w| and |G|."""
+        if self.relative_weight is None:  # on the Riemann sphere angles add up
             angle, away = np.arctan(size), np.arcsin(np.minimum(w, 1))
             high = np.minimum(angle + away, np.pi / 2)
             return np.tan(np.maximum(angle - away, 0)), np.where(high < np.pi / 2, np.tan(high), np.inf)
@@ -132,7 +132,7 @@ class Form:
 
 
 def _no_radius_limit(center: Array) -> Array:
-    """Return an infinite limit (W,): the form has a radius for any disc."""
+    """Return an infinite limit (W,): every disc has a radius in the form."""
     return np.full(center.shape, np.inf)
 
 
@@ -238,27 +238,27 @@ FORMS = {
 }
 
 
-# ---- Forms of a plant with several inputs and outputs; matrices G, G_p, S, T below are (..., n, n) responses.
+# ---- Forms for a plant with several inputs and outputs; matrices G, G_p, S, T below are (..., n, n) responses.
 
 
 @value
 class MatrixForm:
-    """One way in which W_l Delta W_r, a full block, enters a plant of several channels.
+    """One way in which W_l Delta W_r, a full block, enters a plant with several channels.
 
     Fields
     ------
     name : str
-        What users call it.
+        Name in the interface.
     reads, acts : "u" or "y"
-        The signals of the plant that W_r reads and that W_l Delta acts on: those of its input or of its output.
+        The signals that W_r reads and on which W_l Delta acts: those of the plant input or of the plant output.
     inverse : bool
-        Delta closes a loop: what it acts on is taken off a signal that it reads behind that place.
-    deviation : (G_p, G) -> W_l Delta W_r that turns G into G_p.
-    weighed : (G, S, T) -> the matrix from W_l to W_r in the loop of G with the controller that makes S and T.
+        True if Delta closes a loop: its output is subtracted from a signal that W_r reads behind that place.
+    deviation : (G_p, G) -> the W_l Delta W_r that turns G into G_p.
+    weighed : (G, S, T) -> the matrix from W_l to W_r in the loop of G with the controller of S and T.
     one_channel : str
-        The form of one channel that it is there.
+        The corresponding form for one channel.
     matlab_expression : str
-        The uncertain plant in MATLAB's Robust Control Toolbox.
+        Expression for the uncertain plant in MATLAB's Robust Control Toolbox.
     python_measure : str
         The response between W_l and W_r in the loop, as a Python expression (SP 8.6).
     """
@@ -275,7 +275,7 @@ class MatrixForm:
 
     @property
     def needs_square_plant(self) -> bool:
-        """Return whether its deviation takes the inverse of a plant."""
+        """Return True if the deviation includes the inverse of a plant."""
         return (self.reads, self.acts, self.inverse) != ("u", "y", False)
 
     @property
@@ -286,7 +286,7 @@ class MatrixForm:
         return left, right
 
 
-#: Name -> row, of the forms with a full block (SP 8.2.3).
+#: Name -> row, for the forms with a full block (SP 8.2.3).
 BLOCK_FORMS = {
     form.name: form
     for form in (
@@ -358,18 +358,18 @@ BLOCK_FORMS = {
         ),
     )
 }
-AUTO = "auto"  # forms of which one is taken later: by a check, or by the measure of `choose_form`
+AUTO = "auto"  # several forms, of which a check or the measure of `choose_form` selects one later
 ELEMENTS, ADDITIVE, INPUT = "elements", "additive", "input"
-#: Those that a set has, and those among them that one made of records has.
+#: Forms of sets, and those among them for sets made from records.
 MATRIX_FORMS, RECORD_FORMS = (ELEMENTS, *BLOCK_FORMS), (ELEMENTS, ADDITIVE, INPUT)
-#: The form that is meant where none is named.
+#: Default form.
 DEFAULT_FORM = "multiplicative"
 
 
 def reduce_to_one_channel(
     form: str, left: Sequence[control.StateSpace], *, right: Sequence[control.StateSpace], radius: Array
 ) -> dict[str, str | control.StateSpace | Array]:
-    """Return form, weight and radius of one channel for a set in a form of several around a plant of one channel."""
+    """Return form, weight and radius for one channel, from a set in a matrix form around a plant of one channel."""
     if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
         return {}
     weight = in_series(*right, *left) if left else right[0]
@@ -378,7 +378,7 @@ def reduce_to_one_channel(
 
 
 def relative_radius(form: str, w: Array, size: Array) -> Array:
-    """Return (W,) |w| as a relative deviation of the plant, or a refusal where the set is not one."""
+    """Return (W,) |w| as a relative deviation of the plant; refuse a set of another kind."""
     row = FORMS[form]
     if row.relative_weight is None:
         raise ValueError(
@@ -400,14 +400,14 @@ def perturbed_sensitivity_terms(
 
 
 def plant_numerator(form: str, w: Array, *, G: Array, W: Array | float = 1.0) -> Array:
-    """Return (W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; G is scaled by W where the form is."""
+    """Return (W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; G is scaled by W if the form is."""
     row, one = FORMS[form], np.ones_like(G)
     G, K = (W * G, one / W) if row.depends_on_units else (G, one)
-    return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S, and no K is needed to tell it
+    return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S holds for every K
 
 
 def loop_discs(form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0) -> tuple[Array, Array]:
-    """Return centre and radius of the disc that L fills over the set; nan where it is the outside of a disc instead."""
+    """Return centre and radius of the disc that L fills over the set; nan if it fills the outside of a disc."""
     row, L = FORMS[form], G * K
     G, K = (W * G, K / W) if row.depends_on_units else (G, K)
     one = np.ones_like(L)

@@ -1,9 +1,9 @@
-"""Several uncertainties at once: systems joined by the names of their signals, perturbations hung in by name.
+"""Several uncertainties at once: systems joined by the names of their signals, perturbations attached by name.
 
-    systems   any control systems with named inputs and outputs: an input is the sum of all outputs of its name
-    blocks    drives = Delta (size reads), |Delta| <= 1: where a perturbation reads, where it acts, how large it is
+    systems   any control systems with named inputs and outputs: an input is the sum of all outputs with its name
+    blocks    drives = Delta (size reads), |Delta| <= 1: the signals that a perturbation reads and drives, its size
 
-What comes out is N with the perturbations pulled out, cut for `robust.mu.upper`, `robust.mu.certify`
+The result is N with the perturbations pulled out, partitioned for `robust.mu.upper`, `robust.mu.certify`
 and `check_structure`.
 """
 
@@ -24,7 +24,7 @@ from robust.lti.wiring import join_by_name, shared_timebase
 from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS
 
-#: What lets a block read an input of a plant that no system drives, as in an open loop.
+#: Remedy for a block that reads an input which no system drives, as in an open loop.
 _PASS_ON = (
     ", which no system drives: add control.ss([], [], [], [[1]], inputs='{0}_in', outputs='{0}') to the systems, and "
     "'{0}_in' to the inputs"
@@ -38,14 +38,14 @@ class Block:
     Fields
     ------
     reads, drives : str or list of str
-        Outputs of the systems that it reads, inputs of the systems that it drives.
+        Outputs of the systems that the block reads, inputs of the systems that it drives.
     size : float or control.StateSpace
-        What |Delta| = 1 means: a number, or a stable weight over frequency.
+        Size of the perturbation at |Delta| = 1: a number, or a stable weight over frequency.
     kind : str
         "full": any matrix of gain at most one. "repeated": one complex number times the identity. "real": one real
         number in [-1, 1] times the identity, a parameter.
     perturbation : str
-        What Delta is claimed to be, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
+        Claimed class of Delta, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
 
     Raises
     ------
@@ -84,13 +84,13 @@ class Block:
 
     @property
     def shape(self) -> tuple[int, int] | tuple[int, int, str]:
-        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind where it is not full."""
+        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind unless it is full."""
         lengths = (len(self.reads), len(self.drives))
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
 
 def _checked_signals(name: str, given: object) -> tuple[str, ...]:
-    """Return signal names as a tuple, or a refusal."""
+    """Return signal names as a tuple; refuse anything else."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
         raise ValueError(f"{name} must hold names of signals, got {short_form(given)}")
@@ -104,12 +104,12 @@ class UncertainSystem:
     Fields
     ------
     N : control.StateSpace
-        From (what the blocks drive, inputs) to (what the blocks read, outputs), sizes inside. Its signals have the
-        names of `inputs` and `outputs`; those of a block begin with its name: "actuator:u".
+        From (signals that the blocks drive, inputs) to (signals that the blocks read, outputs), sizes included. Its
+        signals have the names of `inputs` and `outputs`; those of a block begin with its name: "actuator:u".
     blocks : dict of str to Block
-        In the order in which N is cut.
+        In the order of the partition of N.
     inputs, outputs : tuple of str
-        Signals of the performance; empty where only stability is asked for.
+        Signals of the performance; empty for stability alone.
 
     References
     ----------
@@ -137,7 +137,7 @@ class UncertainSystem:
         )
 
     def _signals(self) -> tuple[list[str], list[str]]:
-        """Return names of what the blocks read and of what they drive: that of the block before that of the signal."""
+        """Return names for the signals that the blocks read and drive: that of the block, then that of the signal."""
         named = self.blocks.items()
         return (
             [f"{name}:{signal}" for name, block in named for signal in block.reads],
@@ -146,12 +146,12 @@ class UncertainSystem:
 
     @property
     def structure(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return blocks as `robust.mu.upper` takes them, for the part of N they close."""
+        """Return the blocks as `robust.mu.upper` takes them, for the part of N that they close."""
         return [block.shape for block in self.blocks.values()]
 
     @property
     def with_performance(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain under one."""
+        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain below one."""
         return [*self.structure, (len(self.outputs), len(self.inputs))]
 
     @property
@@ -164,7 +164,7 @@ class UncertainSystem:
         return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read)
 
     def perturbation_by_name(self, delta: np.ndarray) -> dict[str, float]:
-        """Return of each block of a perturbation (drives, reads) its number if it is real, else its norm."""
+        """Return for each block of a perturbation (drives, reads) its number if it is real, else its norm."""
         parts, r, c = {}, 0, 0
         for name, block in self.blocks.items():
             n, m = block.shape[:2]
@@ -183,15 +183,17 @@ def interconnection(
 ) -> UncertainSystem:
     """Join systems by the names of their signals and pull the perturbations out.
 
+    Use this for a loop with several uncertainties, or with uncertain parameters; check it with `check_structure`.
+
     Parameters
     ----------
     systems : list of control.StateSpace or TransferFunction
-        With named inputs and outputs (`control.ss(..., inputs=, outputs=)`, `control.summing_junction`). Every input is
-        the sum of the outputs of its name, of the blocks that drive it and of the external input of its name.
+        Systems with named inputs and outputs (`control.ss(..., inputs=, outputs=)`, `control.summing_junction`). Every
+        input is the sum of the outputs of its name, of the blocks that drive it and of the external input of its name.
     blocks : dict of str to Block
         The perturbations, by name.
     inputs, outputs : str or list of str
-        External inputs and outputs: the gain between them is the performance, weights being systems like any other.
+        External inputs and outputs: the gain between them is the performance; weights are systems like any other.
 
     Returns
     -------
@@ -200,7 +202,7 @@ def interconnection(
     Raises
     ------
     ValueError
-        A signal nobody has, an input nobody drives, sampling times that differ, an algebraic loop without a solution.
+        An unknown signal, an input without a source, different sampling times, an algebraic loop without a solution.
 
     References
     ----------
@@ -244,7 +246,7 @@ def interconnection(
 
 
 def _require_known_signals(named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]) -> None:
-    """Refuse signals nobody has, and inputs nobody drives."""
+    """Refuse unknown signals, and inputs without a source."""
     for label in read:
         if label not in named_out:
             raise ValueError(

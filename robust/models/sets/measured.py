@@ -1,4 +1,4 @@
-"""A plant that is known on measured lines only, as a controller sees it."""
+"""A plant that is known on measured lines only, in the form that a controller needs."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
 from robust.models.sets.records import Origin
 
-#: Whatever has an FRF on its lines.
+#: Any object with an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
-_RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
+_RATE_RATIO = 1.5  # largest rate of the record over that of the controller at which the holds may be the same
 
 
 def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:
-    """Return what says hold, sampling frequency and unit: a Bla itself, the origin of a set, an FRF that says none."""
+    """Return the object with hold, sampling frequency and unit: a Bla itself, the origin of a set, an FRF (without)."""
     return model.origin if isinstance(model, UncertaintyModel) else model
 
 
 def frf_sampling_time(model: FrfSource) -> float:
-    """Return the sampling time [s] of an FRF that states one; 0 otherwise."""
+    """Return the sampling time [s] of a sampled FRF; 0 otherwise."""
     source = model.nominal if isinstance(model, UncertaintyModel) else model
     return float(getattr(source, "dt", 0) or 0)
 
 
 def hold_and_delay_factor(model: FrfSource, omega: np.ndarray, *, dt: float, delay: float) -> np.ndarray:
-    """Return (W,) what an FRF lacks: the delay, and zero-order hold where the controller is sampled and the FRF is not.
+    """Return (W,) the factor that an FRF lacks: the delay, and a zero-order hold if only the controller is sampled.
 
-    What folds down from above Nyquist is not known and left out.
+    Aliasing from above Nyquist is unknown and left out.
     """
     factor, origin = np.exp(-1j * omega * delay), origin_of(model)
     if getattr(origin, "hold", "unknown") != "unknown":
@@ -49,7 +49,7 @@ def hold_and_delay_factor(model: FrfSource, omega: np.ndarray, *, dt: float, del
 
 
 def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
-    """Warn where a record at the rate of the controller may have the hold in it, which is then counted twice."""
+    """Warn if a record at the rate of the controller may include the hold, which would then count twice."""
     sampled = isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
     if sampled or getattr(origin_of(model), "hold", "known") != "unknown":
         return
@@ -64,7 +64,7 @@ def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
 
 
 def parts_on_lines(model: FrfSource) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
-    """Return frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
+    """Return frequencies, plant, form, weight (nan: none), class and scaling of an FRF, a Bla or a set."""
     if isinstance(model, Bla):
         disc = sum_of_parts(record_radius_parts(model, frd(model), RadiusSpec()))
         return model.omega, model.G, DEFAULT_FORM, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)

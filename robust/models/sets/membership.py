@@ -1,12 +1,12 @@
-"""Whether a plant lies in a set at every frequency: its smallest Delta, without the inverse of a plant.
+"""Membership of a plant in a set at every frequency: its smallest Delta, without the inverse of a plant.
 
 In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R are one, the nominal
-or the plant. So there is a Delta of gain gamma where
+or the plant. So a Delta of gain gamma exists if and only if
 
     [gamma^2 X X*  E; E*  Y* Y] >= 0,
 
-which is asked of exact polynomials (`robust.proofs.exact.bands`): at zeros and poles on the axis, at zero and at
-infinity it says what it says elsewhere. Of coprime factors X = w [1 G] and Y = [1; G_p].
+This is decided for exact polynomials (`robust.proofs.exact.bands`), also at zeros and poles on the axis, at zero and at
+infinity. For coprime factors X = w [1 G] and Y = [1; G_p].
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import Decision, proved, refuted, to_rational, undecided
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
-#: What numbers as they are stored may be off, relative to the terms that a response is the sum of: where a plant as
-#: good as vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random
-#: coordinates leave up to some 1e-14.
+#: Rounding of stored numbers, relative to the terms whose sum is a response: where a plant almost vanishes, at a zero
+#: on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random coordinates have up to some
+#: 1e-14.
 _ROUNDING = 1e-12
-_POLE_ROUNDING = 1e-13  # the same of a pole: some 500 roundings of doubles
+_POLE_ROUNDING = 1e-13  # the same for a pole: some 500 roundings of doubles
 
 
 @value(copy=False)
 class _Terms:
-    """What E = X Delta Y is asked of: E, X X~ and Y~ Y at a point, and what rounding may add to X X~."""
+    """The terms of E = X Delta Y at a point: E, X X~ and Y~ Y, and the rounding that may add to X X~."""
 
     E: Pair
     left: ExactMatrix
@@ -58,7 +58,7 @@ class _Terms:
     more: ExactMatrix
 
     def below(self, level: float) -> ExactMatrix:
-        """Return the matrix that is positive where a Delta of gain below the level does."""
+        """Return the matrix that is positive if and only if a Delta of gain below the level suffices."""
         left = self.left.times(to_rational(level) ** 2) + self.more
         return join_blocks([[left, self.E[0]], [self.E[1], self.right]])
 
@@ -70,7 +70,7 @@ class _Terms:
 
 @value(copy=False)
 class Deviation:
-    """What turns a nominal into a plant, as exact systems, and X, E and Y from their values; where it is looked at."""
+    """The deviation of a plant from a nominal, as exact systems, with E, X and Y by their values, over given bands."""
 
     parts: tuple[TransferMatrix, ...]
     terms: Callable[[Sequence[Pair]], _Terms]
@@ -78,7 +78,7 @@ class Deviation:
     bands: tuple[tuple[float, float], ...]
 
     def is_within(self, level: float, time_cap: float = TIME_CAP) -> Decision:
-        """Decide whether the smallest Delta has at most this gain at every frequency."""
+        """Decide if the smallest Delta has at most this gain at every frequency."""
         deadline = time.thread_time() + time_cap
         for low, high in self.bands:
             pieces = cut_at_crossings(
@@ -117,9 +117,9 @@ def block_deviation(
     left, right = row.factors
     known = {"G": G, "G_p": G_p}
     gains = [np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))]
-    if left and right:  # both vanish with the plant, and only the product of what is added counts there
+    if left and right:  # both vanish with the plant, and only the product of the added terms matters there
         units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(_ROUNDING)
-    else:  # the other one is a weight, in whose units E is
+    else:  # the other one is a weight, and E has its units
         units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), _ROUNDING
     more = {}
     if left:
@@ -146,16 +146,16 @@ def block_deviation(
 
 
 def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
-    """Return the stretches of the axis that are left when poles are cut out which rounding cannot tell from it.
+    """Return the bands of the axis without poles that rounding cannot distinguish from it.
 
-    Within `_POLE_ROUNDING` of what relative errors of the entries of A make of such a pole, a response is rounding.
+    Within `_POLE_ROUNDING` times the sensitivity of such a pole to relative errors in A, a response is rounding.
     """
     cuts = []
     for G in systems:
         dt = timebase(G)
         found, left, right = eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
         along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-        with np.errstate(divide="ignore", invalid="ignore"):  # of a double integrator nothing is rounded: 0/0
+        with np.errstate(divide="ignore", invalid="ignore"):  # a double integrator has no rounding: 0/0
             moved = _POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
         moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(_POLE_ROUNDING) * np.linalg.norm(G.A))
         for p, reach in zip(found, moved, strict=True):
@@ -169,13 +169,13 @@ def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, fl
 
 
 def _with_rounded_inputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
-    """Return what a change of B by one part makes of a plant, each input over its unit."""
+    """Return the effect on a plant of a relative change of B by one, each input over its unit."""
     sizes = np.linalg.norm(G.B / units, axis=1)
     return to_matrices(control.StateSpace(G.A, np.diag(sizes), G.C, np.zeros(G.C.shape), G.dt))
 
 
 def _with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
-    """Return what a change of C by one part makes of a plant, each output over its unit."""
+    """Return the effect on a plant of a relative change of C by one, each output over its unit."""
     sizes = np.linalg.norm(G.C / units[:, None], axis=0)
     return to_matrices(control.StateSpace(G.A, G.B, np.diag(sizes), np.zeros(G.B.shape), G.dt))
 
@@ -200,7 +200,7 @@ def coprime_deviation(
 
 
 def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
-    """Return how many poles, in an inverse form zeros, lie strictly outside the stability region."""
+    """Return the number of poles (in an inverse form: zeros) strictly outside the stability region."""
     dt = timebase(system)
     if not inverse:
         return unstable_poles(system, dt)
@@ -209,7 +209,7 @@ def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
 
 
 def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inverse: bool) -> None:
-    """Refuse a nominal and plants that differ in how many poles, or zeros, lie in the right half plane."""
+    """Refuse plants with another number of poles (or zeros) in the right half plane than the nominal."""
     own, *counts = (right_roots(system, inverse=inverse) for system in systems)
     if set(counts) - {own}:
         raise ValueError(

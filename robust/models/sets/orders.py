@@ -1,4 +1,4 @@
-"""Choice of the number of poles of a nominal model: by what its set allows a loop, or by what the data show."""
+"""Choice of the number of poles of a nominal model: by the loop that its set allows, or by the data."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from robust.models.sets.radius import (
     sum_of_parts,
 )
 
-_MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
-_MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
+_MAX_RELATIVE_STD = 0.5  # relative standard deviation above which a pole is reported
+_MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero, below which they are reported
 _OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
 _UNSURE = "poles of no significance"
-_LEAST_DAMPING = 1e-4  # of a pair above the band
-#: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half of what it may be.
+_LEAST_DAMPING = 1e-4  # damping of a pair above the band, below which it is undamped
+#: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its limit.
 _ENOUGH = 0.5
-NEAR_BEST = 1.1  # times the smallest: within it the smallest order is taken
+NEAR_BEST = 1.1  # the smallest order within this factor of the best is taken
 #: Last line of a scan that is printed, by whether a crossover was named.
 _CRITERION_TEXT = (
     "criterion: negative log likelihood, in units of what scatter leaves on a line, plus ln(2 lines)/2 for each "
@@ -61,20 +61,20 @@ _CROSSOVER_TEXT = (
 
 @value
 class OrderScan:
-    """Fits of growing order, what their sets allow a loop, and which of them to take.
+    """Fits of growing order, the loops that their sets allow, and the recommended one.
 
     Fields
     ------
     fits : (n,) tuple of NominalFit
-        One for each order; two where a delay was tried too.
+        One for each order; two if a delay was tried too.
     sizes : (n,) tuple of SetSizes
-        What the set about each allows a loop.
+        The size of the set about each fit, and the loop that it allows.
     omega_c : float
-        Crossover [rad/s] that was asked for; nan for none.
+        Requested crossover [rad/s]; nan for none.
 
     References
     ----------
-    Pintelon & Schoukens, 2nd ed., 11.3; SP 7.5.1 (what |T| times the radius has to be).
+    Pintelon & Schoukens, 2nd ed., 11.3; SP 7.5.1 (the condition on |T| times the radius).
 
     Examples
     --------
@@ -97,12 +97,12 @@ class OrderScan:
 
     @property
     def cost(self) -> np.ndarray:
-        """Return (n,) weighted squares of what each fit leaves."""
+        """Return (n,) weighted sum of squares of each residual."""
         return np.array([fit.cost for fit in self.fits])
 
     @property
     def expected_cost(self) -> np.ndarray:
-        """Return (n,) weighted squares that scatter alone would leave."""
+        """Return (n,) expected weighted sum of squares for scatter alone."""
         return np.array([fit.expected_cost for fit in self.fits])
 
     @property
@@ -127,23 +127,23 @@ class OrderScan:
 
     @property
     def chosen(self) -> int:
-        """Return the index of the fit to take.
+        """Return the index of the recommended fit.
 
-        With a crossover it has the fewest poles of the fits whose |T_c| times radius is on every line below one half,
-        or within 10 % of that of the best. Fits with roots that the data do not carry are left out where another one
-        lets a robust loop be, with |T_c| times radius below one.
+        With a crossover: the fewest poles among the fits whose |T_c| times radius is below one half on every line, or
+        within 10 % of that of the best. Fits with roots that the data do not support are left out if another one allows
+        a robust loop, with |T_c| times radius below one.
 
-        Without a crossover it has the smallest criterion of the fits that scatter explains and whose roots the data
-        carry; where there is none, of those that it explains without cancelled poles and far
-        zeros, then of those that it explains. Where scatter explains none, it has the fewest poles of those with a
-        reach within 10 % of the highest.
+        Without a crossover: the smallest criterion among the fits that scatter explains and whose roots the data
+        support; if there is none, among those that it explains without cancelled poles and far zeros, then among those
+        that it explains. If scatter explains none: the fewest poles among those with a reach within 10 % of the
+        highest.
         """
         if np.isnan(self.omega_c):
             return _choose_by_data(self.criterion, self.fits, self.reach)
         shown = ~np.array([_has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
         carried = shown & np.array([set(doubtful_roots(fit)) <= {_OUTSIDE} for fit in self.fits])
-        if np.any(carried & (self.loop_radius < 1)):  # roots that follow the scatter of a line lower its radius, too
+        if np.any(carried & (self.loop_radius < 1)):  # roots that follow the scatter of a line lower its radius too
             shown = carried
         best = int(np.argmin(np.where(shown, self.loop_radius, np.inf)))
         limits = [
@@ -155,12 +155,12 @@ class OrderScan:
 
     @property
     def fit(self) -> NominalFit:
-        """Return the fit to take, of the best order."""
+        """Return the recommended fit, of the best order."""
         return self.fits[self.chosen]
 
     @property
     def best(self) -> int:
-        """Return the number of poles to take, those of `fit`."""
+        """Return the recommended number of poles, those of `fit`."""
         return int(self.n_poles[self.chosen])
 
     def __str__(self) -> str:
@@ -189,7 +189,9 @@ def scan_orders(
     std: np.ndarray | None = None,
     omega_c: float | None = None,
 ) -> OrderScan:
-    """Fit nominal models of growing order and say which one serves a loop, or which one the data ask for.
+    """Fit nominal models of growing order and choose the one for a loop, or the one that the data support.
+
+    Use this before `fit_nominal` if you do not know the number of poles.
 
     Parameters
     ----------
@@ -198,12 +200,12 @@ def scan_orders(
     n_poles : iterable of int
         Orders to try, the smallest first; with a crossover until one suffices.
     relative_degree : int, optional
-        Poles more than zeros. When not given, 1 or what is likelier, as in `fit_nominal`. The model of several channels
-        takes 1 (residues) or 0 (with a direct term).
+        Number of poles minus number of zeros. By default 1, or the likelier one as in `fit_nominal`. For several
+        channels 1 (residues) or 0 (with a direct term).
     delay : float or str
-        As in `fit_nominal` [s], or "auto": none, and a fit with "estimate" next to it where the phase asks for a delay:
-        with a crossover where no order without one suffices and the best has zeros in the right half plane, else where
-        no order without one explains the data by poles and zeros that they carry.
+        As in `fit_nominal` [s], or "auto": no delay, and also a fit with "estimate" if the phase requires a delay: with
+        a crossover if no order without one suffices and the best has zeros in the right half plane, else if no order
+        without one explains the data by poles and zeros that they support.
 
     Returns
     -------
@@ -237,7 +239,7 @@ def scan_orders(
     many = _records_of(bla, require_nonnegative("dt", dt))
     fits: list[NominalFit] = []
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
+        warnings.simplefilter("ignore", DesignWarning)  # the row of an order contains its warnings
         if several:
             for n in orders:
                 tau, direct = 0.0 if delay == "auto" else delay, None if excess else n
@@ -271,9 +273,9 @@ def _scan_for_loop(
     free: FitSearch | None,
     many: Sequence[Bla],
 ) -> list[NominalFit]:
-    """Return fits of growing order until the set of one lets the loop be: without a delay, and then with one.
+    """Return fits of growing order until the set of one allows the loop: first without a delay, then with one.
 
-    A delay is tried where the best of those without one has zeros in the right half plane, which stand for it.
+    A delay is tried if the best fit without one has zeros in the right half plane, which stand for a delay.
     """
     fits: list[NominalFit] = []
     for one in (search,) if free is None else (search, free):
@@ -309,18 +311,18 @@ def _scan_for_data(
     return [likeliest_fit(search, bla, n, n_zeros, fewer=without[n]) for n, n_zeros in zeros_of.items()]
 
 
-# ---- What the set about a fit allows a loop.
+# ---- The loop that the set about a fit allows.
 
 
 def _records_of(bla: Measurement, dt: float) -> list[Bla]:
-    """Return the records that a set is made of, behind the hold that a model of dt has; none for a bare FRF."""
+    """Return the records behind a set, with the hold of a model of dt; none for a bare FRF."""
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     return [bla_behind_hold(one, dt) for one in many if isinstance(one, Bla)]
 
 
 @value
 class _SetSizes:
-    """What the set about a fit allows a loop.
+    """The size of the set about a fit, and the loop that it allows.
 
     Fields
     ------
@@ -331,8 +333,8 @@ class _SetSizes:
     reach : float
         Highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line.
     suffices : bool
-        Whether the loop has its margins, or no other nominal could give it more: on every line |T_c| times the radius
-        is below `_ENOUGH` or near that of the scatter alone, by poles and zeros that the data show.
+        True if the loop has its margins, or if no other nominal could improve it: on every line |T_c| times the radius
+        is below `_ENOUGH` or near that of the scatter alone, with poles and zeros that the data show.
     """
 
     radius: float
@@ -343,7 +345,7 @@ class _SetSizes:
 
 
 def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
-    """Return what the set about a fit, made of these records, allows a loop."""
+    """Return the size of the set about a fit that is made from these records."""
     parts = list(_parts_of_records(fit, many))
     rows = [_radii_of_record(fit, one, at) for one, at in parts]
     line = np.concatenate(
@@ -365,7 +367,7 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
 
 
 def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla | None, slice]]:
-    """Return each record with the place of its lines in a fit to all of them; no record for a bare FRF."""
+    """Return each record with the slice of its lines in a fit to all of them; no record for a bare FRF."""
     start = 0
     for one in many:
         yield one, slice(start, start + one.omega.size)
@@ -375,10 +377,10 @@ def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bl
 
 
 def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
-    """Return (5, W) frequencies, radius over |G|, what of it no other nominal changes, |G| over |G| smoothed, and that.
+    """Return (5, W) frequencies, radius over |G|, its part for any nominal, |G| over smoothed |G|, and smoothed |G|.
 
-    On the lines of the record, and with one channel at the modes of the nominal between them, where the radius is the
-    larger neighbour. Of a bare FRF the radius is what the fit misses. Of several channels it is the largest gain of the
+    On the lines of the record, and for one channel at the modes of the nominal between them, where the radius is the
+    larger neighbour. For a bare FRF the radius is the misfit. For several channels it is the largest gain of the
     radii over that of |G|, rows and columns balanced.
     """
     omega, G, measured = fit.omega[at], fit.response[..., at], (fit.response + fit.residual)[..., at]
@@ -386,7 +388,7 @@ def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarr
     with np.errstate(divide="ignore", invalid="ignore"):
         if G.ndim == 3:
             n_y, n_u, F = G.shape
-            assert record is not None  # of several channels a bare FRF was made one
+            assert record is not None  # a bare FRF with several channels was made a Bla
             _, parts, total = element_parts([record], [G], RadiusSpec())
             radii = [part.reshape(n_u, n_y, F).T for part in (total, total - parts["misfit"])]
             sizes = [np.abs(np.moveaxis(X, 2, 0)) for X in (G, smooth)]
@@ -410,28 +412,28 @@ def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarr
 
 
 def _has_unseen_pair(fit: NominalFit) -> bool:
-    """Return whether a pole and a zero lie below the band, where they cancel on every line: the data show neither."""
+    """Return True if a pole and a zero lie below the band, where they cancel on every line: the data show neither."""
     lowest, dt = fit.omega.min() / OUTSIDE_FACTOR, timebase(fit.G)
     return all(np.any(np.abs(to_s_plane(roots, dt)) < lowest) for roots in (fit.G.poles(), fit.G.zeros()))
 
 
 def _smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
-    """Return which of the good fits has the fewest poles, of equal ones that of the smallest measure."""
+    """Return the index of the good fit with the fewest poles, among equal ones with the smallest measure."""
     least = min(fit.G.nstates for fit, ok in zip(fits, good, strict=True) if ok)
     same = np.array([fit.G.nstates == least for fit in fits])
     return int(np.argmin(np.where(good & same, measure, np.inf)))
 
 
-# ---- What the data show.
+# ---- Evidence in the data.
 
 
 def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.ndarray) -> int:
-    """Return which fit to take where no crossover was named.
+    """Return the index of the fit to take without a crossover.
 
-    The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
-    explains without cancelled poles and far zeros, then of those that it explains. A fit with undamped poles above the
-    band explains nothing: what a machine does not have explains a lead in time, and no more. Where scatter explains
-    none, the set decides: the smallest order that lets a loop reach as high as any.
+    The smallest criterion among the fits that scatter explains with roots that the data support; then among those that
+    it explains without cancelled poles and far zeros, then among those that it explains. A fit with undamped poles
+    above the band is excluded: such poles only imitate a lead in time. If scatter explains no fit, the set decides: the
+    smallest order that lets a loop reach as high as any.
     """
     doubts = [doubtful_roots(fit) for fit in fits]
     damped = np.array([UNDAMPED not in kinds for kinds in doubts])
@@ -447,7 +449,7 @@ def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np
 
 
 def _needs_delay(fits: Sequence[NominalFit]) -> bool:
-    """Return whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
+    """Return True if scatter explains no fit without a delay whose poles and zeros the data support."""
     return not any(
         fit.p_value > UNLIKELY_COST and not describe_doubts(fit) and not np.any(np.real(fit.G.zeros()) > 0)
         for fit in fits
@@ -455,13 +457,13 @@ def _needs_delay(fits: Sequence[NominalFit]) -> bool:
 
 
 def describe_order(fit: NominalFit) -> str:
-    """Describe the order of a fit, and its delay where it has one."""
+    """Describe the order of a fit, and its delay if it has one."""
     zeros = "" if fit.inputs else f" and {format_count(fit.G.zeros().size, 'zero')}"
     return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (f", a delay of {fit.delay:.3g} s" if fit.delay else "")
 
 
 def describe_doubts(fit: NominalFit) -> str:
-    """Describe what the data do not carry of a continuous fit.
+    """Describe the roots of a continuous fit that the data do not support.
 
     >>> import control
     >>> omega = np.linspace(1, 20, 40)
@@ -476,8 +478,8 @@ def describe_doubts(fit: NominalFit) -> str:
 
 
 def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
-    """Return roots that the data do not carry, by kind: poles far outside the band, undamped ones above it, poles
-    of no significance or that a zero cancels but for scatter, and zeros far above the band that they do not place."""
+    """Return roots that the data do not support, by kind: poles far outside the band, undamped ones above it, poles
+    that are not significant or that a zero cancels within the scatter, and far zeros above the band."""
     if fit.uncertainty is None or fit.G.dt:
         return {}
     poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros

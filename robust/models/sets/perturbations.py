@@ -1,4 +1,4 @@
-"""Plants of a set, from perturbations of gain at most one."""
+"""Plants of a set, from perturbations with a gain of at most one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-_REAL_ANGLE = 1e-7  # [rad] as good as real: an all-pass of that phase has a pole next to zero or infinity
+_REAL_ANGLE = 1e-7  # [rad] treated as real: an all-pass of that phase has a pole next to zero or infinity
 
 
 def perturbed_plant(
@@ -21,7 +21,7 @@ def perturbed_plant(
     Delta: control.StateSpace,
     W: control.StateSpace | None = None,
 ) -> control.StateSpace:
-    """Return the perturbed plant as a system, of a plant scaled by W."""
+    """Return the perturbed plant as a system, for a plant scaled by W."""
     row = FORMS[form]
     if W is None or not row.depends_on_units:
         return row.perturbed_system(G, w, Delta)
@@ -31,9 +31,9 @@ def perturbed_plant(
 def random_delta(
     rng: np.random.Generator, structure: Sequence[tuple[int, int]], *, band: tuple[float, float], dt: float
 ) -> control.StateSpace:
-    """Return a random stable perturbation of these blocks (reads, drives), each of gain one or (every other) less.
+    """Return a random stable perturbation of these blocks (reads, drives), with gain one or (every other) less.
 
-    A full block is V diag(all-passes) U^T with random orthogonal U and V: a gain of its own in every direction.
+    A full block is V diag(all-passes) U^T with random orthogonal U and V: its gain differs with direction.
     """
     blocks = []
     for n, m in structure:
@@ -47,7 +47,7 @@ def random_delta(
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:
-    """Return a random stable all-pass of one to three sections over the band [rad/s], of gain one or less."""
+    """Return a random stable all-pass of one to three sections over the band [rad/s], with gain one or less."""
     poles: list[complex] = []
     for _ in range(rng.integers(1, 4)):
         w = np.exp(rng.uniform(np.log(low), np.log(high)))
@@ -85,10 +85,10 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
 
 
 def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) -> control.StateSpace:
-    """Return a continuous all-pass that has given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
+    """Return a continuous all-pass with given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
 
     A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
-    elsewhere: at omega it has the phase 2 acot((omega - c)/h), so c sets it. What it leaves the others is taken off.
+    elsewhere. At omega its phase is 2 acot((omega - c)/h), so c sets it. Its phase at the others is subtracted first.
 
     >>> from robust.lti.lti import response
     >>> delta = with_phases(np.array([1.0, 5.0]), np.array([0.5, -2.0]))

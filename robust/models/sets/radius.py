@@ -1,7 +1,8 @@
 """The radius of a set about a nominal (a model or an FRF) on each line, and its parts.
 
-noise, odd and even distortion, misfit, level and systematic part; P&S 4.3 for the variances, F quantiles for the discs.
-Full blocks of a matrix take the covariance of all entries, as discs of single entries would ignore what they share.
+The parts are noise, odd and even distortion, misfit, level and systematic part; P&S 4.3 for the variances, F quantiles
+for the discs. Full blocks of a matrix use the covariance of all entries; discs of single entries would ignore their
+correlation.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import INPUT, Form
 from robust.models.sets.records import PARTS
 
-#: Lines over which misfits and covariances are averaged, relative to |G|: an order of weights does not follow scatter.
+#: Lines over which misfits and covariances are averaged, relative to |G|: a low-order weight does not follow scatter.
 _WINDOW = 9
 _DECADES_ABOVE = 2.0
-_FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
-#: Smallest over largest radius of plants that were given: one equal to the nominal on a line would leave a zero.
+_FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight for several channels is constant
+#: Least over largest radius of given plants: a plant equal to the nominal on a line would leave a zero.
 MIN_RADIUS_RATIO = 1e-6
 
 
 @value
 class RadiusSpec:
-    """What a radius has to hold, as in `uncertainty`: confidence p, all lines together or not, even and systematic."""
+    """Contents of a radius, as in `uncertainty`: confidence p, all lines together or not, even and systematic."""
 
     p: float = 0.95
     simultaneous: bool = False
@@ -45,12 +46,12 @@ class RadiusSpec:
 
 @value
 class Extrapolation:
-    """The rule of the user outside the measured band: dB per decade away from it, 0 for flat.
+    """The user's rule outside the measured band: dB per decade away from it, 0 for flat.
 
     Fields
     ------
     below, above : float
-        On either side, over two decades; flat beyond.
+        Slope on either side, over two decades; flat beyond.
     """
 
     below: float = 0.0
@@ -60,7 +61,7 @@ class Extrapolation:
         return f"below the band {_describe_slope(self.below)}, above it {_describe_slope(self.above)}"
 
     def extrapolate(self, omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the radius continued outside the band, for the weight to cover."""
+        """Return frequencies and radius continued outside the band, for the weight to cover."""
         step = np.linspace(0, _DECADES_ABOVE, 41)[1:]
         low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
         if dt:
@@ -76,7 +77,6 @@ def checked_slope(name: str, rule: str | float) -> float:
 
 
 def _describe_slope(rule: float) -> str:
-    """Describe the extrapolation rule."""
     return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {_DECADES_ABOVE:g} decades"
 
 
@@ -89,10 +89,10 @@ def fit_covering_weight(
     dt: float,
     importance: np.ndarray | None = None,
 ) -> control.StateSpace:
-    """Return a weight over a radius: a number where that is flat and nothing rises outside the band.
+    """Return a weight over a radius: a number if the radius is flat and does not rise outside the band.
 
-    importance : (F,) what an excess counts for on the lines, everywhere the same when not given; below the band it is
-    that of the first line, above it none.
+    importance : (F,) weight of an excess on the lines, uniform by default; below the band that of the first line, above
+    it none.
     """
     if radius.max() < _FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
@@ -109,9 +109,9 @@ def fit_extrapolated(
     dt: float,
     importance: np.ndarray,
 ) -> control.StateSpace:
-    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too.
+    """Fit a weight over (omega, radius) continued outside the lines; a refusal also names the rule.
 
-    importance : (W,) what an excess counts for.
+    importance : (W,) weight of an excess.
     """
     omega, radius = covered
     try:
@@ -128,7 +128,7 @@ def fit_extrapolated(
 def nominal_response(nominal: control.StateSpace | control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
     """Return (W,) or (n_y, n_u, W) response of the nominal; an FRF is interpolated in log magnitude and phase.
 
-    It is met on its lines.
+    On its lines the interpolation is exact.
     """
     if not isinstance(nominal, control.FrequencyResponseData):
         G = response_by_channel(nominal, omega)
@@ -142,11 +142,11 @@ def nominal_response(nominal: control.StateSpace | control.FrequencyResponseData
 def disc_parts(
     many: Sequence[Bla], nominals: Sequence[control.StateSpace | control.FrequencyResponseData], spec: RadiusSpec
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Return all frequencies of the records of one channel, the parts of the largest absolute radius, and that radius.
+    """Return all frequencies of the records for one channel, the parts of the largest absolute radius, and that radius.
 
-    Between the lines of a record a part is the larger one of its neighbours, so that the parts add up to more there.
+    Between the lines of a record a part is the larger one of its neighbours, so the parts add up to more there.
 
-    nominals : the nominal of each record; the same model, or its response on the lines of that record.
+    nominals : the nominal for each record; the same model, or its response on the lines of that record.
     """
     omega = np.unique(np.concatenate([b.omega for b in many]))
     discs = [record_radius_parts(b, nominal, spec) for b, nominal in zip(many, nominals, strict=True)]
@@ -158,7 +158,7 @@ def disc_parts(
     worst = np.nanargmax(np.where(np.isnan(total), -np.inf, total), axis=0)[None, :]
     parts = {name: np.take_along_axis(spread(itemgetter(name)), worst, axis=0)[0] for name in PARTS}
     if len(many) > 1:
-        # what the family as a whole misses is misfit; what one level misses beyond that is the level's doing
+        # the misfit of the family as a whole is "misfit"; the additional misfit at one level is "level"
         together = np.nanmin(spread(lambda disc: disc["misfit"]), axis=0)
         parts["level"] = np.maximum(parts["misfit"] - together, 0.0)
         parts["misfit"] = parts["misfit"] - parts["level"]
@@ -168,9 +168,9 @@ def disc_parts(
 def element_parts(
     frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Return `disc_parts` of every entry of a matrix, column by column, (n, W) each: all hold together with p.
+    """Return `disc_parts` for every entry of a matrix, column by column, (n, W) each: all hold together with p.
 
-    The parts are brought to add up to the radius between the lines of a record too.
+    The parts are scaled to add up to the radius between the lines of a record too.
 
     models : (n_y, n_u, F) response of the nominal on the lines of each record.
     """
@@ -187,18 +187,17 @@ def element_parts(
 
 
 def sum_of_parts(parts: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the parts of a radius added up."""
     return np.sum(list(parts.values()), axis=0)
 
 
 def record_radius_parts(
     bla: Bla, nominal: control.StateSpace | control.FrequencyResponseData, spec: RadiusSpec
 ) -> dict[str, np.ndarray]:
-    """Return parts (F,) of the absolute radius about the nominal that one record of one channel asks for."""
+    """Return the parts (F,) of the absolute radius about the nominal for one record of one channel."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
     noise = np.nan_to_num(bla.var_noise)
-    # of a new realisation: the error of G itself, plus the scatter of one realisation, which M does not reduce
+    # for a new realisation: the error of G itself, plus the scatter of one realisation, which M does not reduce
     scatter = bla.bound(spec.p, of="realization", simultaneous=spec.simultaneous) ** 2 / quantile
     shares = {
         "noise": np.minimum(noise, scatter),
@@ -215,16 +214,16 @@ def record_radius_parts(
     parts["level"] = np.zeros(F)
     parts["systematic"] = np.zeros(F) if spec.systematic is None else bla.systematic(spec.systematic)
     floor = np.maximum(1e-9 * np.abs(model), np.finfo(float).tiny)
-    # a disc has a radius even without any scatter
+    # a disc has a positive radius even without any scatter
     parts["misfit"] = parts["misfit"] + np.maximum(floor - sum_of_parts(parts), 0.0)
     return parts
 
 
 def _model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
-    """Return (F,) the misfit beyond scatter: windowed mean of |residual|^2 less the variance, as an amplitude.
+    """Return (F,) the misfit beyond scatter: windowed mean of |residual|^2 minus the variance, as an amplitude.
 
-    Relative to the model inside the window, or a resonance would spread over its neighbours. A line that sticks out
-    of all scatter by itself counts by itself: a window would hide a narrow error.
+    It is relative to the model inside the window; otherwise a resonance would spread over its neighbours. A line far
+    beyond all scatter counts by itself, because a window would hide a narrow error.
     """
     square = np.abs(bla.G - model) ** 2
     var = bla.var_bound
@@ -235,7 +234,7 @@ def _model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
 
 
 def _window_means(x: np.ndarray) -> np.ndarray:
-    """Return (F, ...) means over the lines around each, in windows that stay inside at the ends."""
+    """Return (F, ...) means over the lines around each line, in windows that stay inside at the ends."""
     F = len(x)
     sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
     first = np.clip(np.arange(F) - _WINDOW // 2, 0, max(F - _WINDOW, 0))
@@ -244,7 +243,7 @@ def _window_means(x: np.ndarray) -> np.ndarray:
 
 
 def larger_neighbour(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the values on other frequencies: the larger neighbour inside the band of the lines, nan outside it."""
+    """Return the values at other frequencies: the larger neighbour inside the band of the lines, nan outside it."""
     right = np.clip(np.searchsorted(lines, omega), 0, lines.size - 1)
     left = np.where(lines[right] == omega, right, np.maximum(right - 1, 0))
     out = np.maximum(values[left], values[right])
@@ -252,7 +251,7 @@ def larger_neighbour(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -
     return out
 
 
-#: W1 and W2, by which a plant is scaled.
+#: W1 and W2, the scaling of a plant.
 Scaling: TypeAlias = "tuple[Weight | None, Weight | None]"
 
 
@@ -268,15 +267,15 @@ def radius_in_form(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the factor from an absolute radius to that of the form, and frequencies and radii for the weight to cover.
 
-    For a form that depends on the units of the plant it is the relative radius that is continued, |G| being what it
-    is there: its own has a limit.
+    For a form that depends on the units of the plant the relative radius is continued, with |G| at each frequency,
+    because the radius of the form has a limit.
     """
     if not form.depends_on_units:
         factor = form.radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
         return factor, *rules.extrapolate(omega, absolute * factor, dt)
 
-    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of what is given of them
-        inside = omega  # an FRF stays what it is at its ends
+    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of the given scalings
+        inside = omega  # an FRF is continued by its value at each end
         if isinstance(nominal, control.FrequencyResponseData):
             inside = np.clip(omega, np.min(nominal.omega), np.max(nominal.omega))
         scaling = [response(state_space("W1 and W2", W), omega) for W in shaped_by if W is not None]
@@ -301,10 +300,10 @@ def resolve_scaling(
     shaped_by: Scaling,
     rules: Extrapolation,
 ) -> tuple[Weight | None, Weight | None, Extrapolation]:
-    """Return W1, W2 and the rule outside the band, as they are taken.
+    """Return W1, W2 and the rule outside the band that apply.
 
-    Where the form needs a scaling and none is given: unit gain in mid band, so that the mean of |G| in decibels over
-    log frequency is zero. Outside the lines of an FRF there is no plant that a radius could be relative to.
+    The default scaling gives unit gain in mid band: the mean of |G| in decibels over log frequency is zero. Outside the
+    lines of an FRF no plant is known to which a radius could be relative.
     """
     if not form.depends_on_units:
         return *shaped_by, rules
@@ -317,7 +316,7 @@ def resolve_scaling(
     return 1.0, float(np.exp(-middle)), rules
 
 
-# ---- Full blocks of several channels.
+# ---- Full blocks for several channels.
 
 
 def block_radius(
@@ -325,8 +324,8 @@ def block_radius(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return all frequencies, and (n_left + n_right, W) the largest radii of diagonal W_l and W_r over the records.
 
-    A block W_l D W_r lies in every one of larger diagonals. What stands left and what right of it is a matter of scale,
-    which a level of excitation changes: of several records each has W_r of mean square one.
+    A block W_l D W_r lies in every block with larger diagonals. The split between left and right is arbitrary and
+    varies with the level of excitation: for several records each has W_r of mean square one.
     """
     each = [
         block_radii_of_record(frm, G, missed=entry_misfits(frm, G), spec=spec, form=form)
@@ -354,10 +353,10 @@ def entry_misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
 def block_radii_of_record(
     frm: Bla, model: np.ndarray, *, missed: np.ndarray, spec: RadiusSpec, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
+    """Return radii (n, F) of diagonal W_l and W_r whose full block covers the matrix of a new realisation.
 
-    W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit m and B = n_y diag_j sum_i m_ji^2 / gamma_ii, t to make its
-    trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
+    W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit m and B = n_y diag_j sum_i m_ji^2 / gamma_ii; t minimises
+    its trace. A Hermitian X lies below the diagonal lambda_max(corr X) X_jj.
     """
     gamma = np.moveaxis(frm.cov.gamma, 2, 0)
     x = _root_quantiles(frm, spec)
@@ -378,7 +377,7 @@ def block_radii_of_record(
 
 
 def _root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
-    """Return (F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
+    """Return (F,) the quantile of Roy's root: the block of a `Bla` over the root of its covariance."""
     left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
     return size / np.einsum("jjf->f", frm.cov.bound).real
@@ -391,7 +390,7 @@ def smooth_covariance(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.n
 
 
 def diagonal_bound(X: np.ndarray) -> np.ndarray:
-    """Return (n, F) roots of the diagonal that lies over a Hermitian (F, n, n): lambda_max of its correlation."""
+    """Return (n, F) roots of a diagonal above a Hermitian (F, n, n): lambda_max of its correlation times X_jj."""
     size = np.sqrt(np.einsum("fjj->fj", X).real)
     correlation = X / size[:, :, None] / size[:, None]
     return (size * np.sqrt(np.linalg.eigvalsh(correlation)[:, -1:])).T

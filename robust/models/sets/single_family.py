@@ -1,8 +1,8 @@
-"""Sets of one channel that hold given plants: FRFs on their lines, systems at all frequencies.
+"""Sets for one channel that contain given plants: FRFs on their lines, systems at all frequencies.
 
-The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. What a system does between
-the lines is decided by exact polynomials: the weight takes in the frequency where a system leaves the set, and what
-remains after a few rounds lifts the whole weight.
+The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. The response of a system
+between the lines is decided by exact polynomials: a frequency at which a system leaves the set is added to the weight,
+and the remainder after a few rounds lifts the whole weight.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def make_set_of_plants(
     rules: Extrapolation,
     perturbation: str,
 ) -> UncertaintyModel:
-    """Return a set of one channel around a nominal that holds every plant."""
+    """Return a set for one channel around a nominal that contains every plant."""
     row = FORMS[require_choice("form", form, tuple(FORMS))]
     if row.depends_on_units:
         raise ValueError(f"form must not depend on units where plants are given, got {form}")
@@ -125,7 +125,7 @@ def _cover_plant(
     form: Form,
     more: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and radii for a weight to cover, with one more, where the deviation of a system counts."""
+    """Return frequencies and radii for a weight to cover, with one more at which the deviation of a system is added."""
     lines, radius = covered
     omega = np.union1d(lines, [more] * (more > 0))
     away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
