@@ -1,4 +1,4 @@
-"""The elements of controllers: what each is as a system and as a section of a drive, and what `tune` may move in it.
+"""The elements of controllers: each as a system and as a section of a drive, with its free parameters for `tune`.
 
     Notch       (p^2 + depth width p + 1)/(p^2 + width p + 1)
     Lead        (r p + 1)/(p + r), r^2 = (1 + sin phase)/(1 - sin phase)
@@ -9,12 +9,13 @@
     Gain        a matrix
     StateSpace  any A, B, C, D of a given order
 
-with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f of one in Hz. Under a
-clock T an element is its bilinear image: a filter is exact at its own omega, p = (z - 1)/(z + 1)/tan(omega T/2), a PID
-at zero frequency, s = 2/T (z - 1)/(z + 1), which is the trapezoidal rule of a PLC. What was tuned is what runs.
+with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f for f in Hz. With a
+sampling time T an element is its bilinear image: a filter is exact at its own omega,
+p = (z - 1)/(z + 1)/tan(omega T/2), a PID at zero frequency, s = 2/T (z - 1)/(z + 1), which is the trapezoidal rule of a
+PLC. The tuned element is the one that runs.
 
-`tune` joins blocks by the signals that they read and drive; anywhere else these stay empty. A parameter that starts
-positive (or negative) keeps its sign and is searched for in logarithms.
+`tune` joins blocks by the signals that they read and drive; elsewhere these stay empty. A parameter that starts
+positive (or negative) keeps its sign, and its logarithm is searched for.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ Names: TypeAlias = str | Sequence[str]
 #: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest power first.
 Numbers: TypeAlias = Mapping[str, float | np.ndarray]
 Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarray]]
-#: Type of a field that takes bounds by name, or None, and holds a mapping: a dataclass can declare one only.
+#: Type of a field that is None or a mapping of bounds by name: a dataclass can declare a mapping only.
 BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
-#: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
+#: Default range of a parameter, as a factor about its start.
 _RANGE_RATIO = 1000.0
-#: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
+#: The fastest pole of a sampled block over 2/T, as in `design_frf`: a faster one rings.
 _MAX_SAMPLED_RATE = 5.0
 _TWO_PI = 2 * np.pi
 
@@ -62,10 +63,10 @@ class Parameter:
     Fields
     ------
     name, index : str, tuple of int
-        Field of the block, and place in it where that is a matrix.
+        Field of the block, and index in it if that is a matrix.
     start, lower, upper : float
     sign : int
-        1 or -1: of this sign throughout, searched for in logarithms. 0: of any sign.
+        1 or -1: the parameter keeps this sign, and its logarithm is searched for. 0: any sign.
     """
 
     name: str
@@ -77,35 +78,35 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """Return the unit in which a parameter of any sign is searched for."""
+        """Return the unit of the search for a parameter of any sign."""
         return abs(self.start) or min(1.0, self.upper - self.lower)
 
     def to_coordinate(self, number: float) -> float:
-        """Return the coordinate of the search."""
+        """Return the coordinate of the search for a number."""
         return float(np.log(self.sign * number)) if self.sign else number / self.scale
 
     def from_coordinate(self, x: Coordinate) -> Coordinate:
-        """Return the number of the block, of a real or complex coordinate."""
+        """Return the number of the block for a real or complex coordinate."""
         return self.sign * np.exp(x) if self.sign else x * self.scale
 
     def coordinate_bounds(self) -> tuple[float, float]:
-        """Return bounds of the coordinate."""
+        """Return the bounds of the coordinate."""
         low, high = sorted(self.to_coordinate(number) for number in (self.lower, self.upper))
         return low, high
 
     def label(self, block: str) -> str:
-        """Return the name with that of its block."""
+        """Return the name, with that of the block in front."""
         place = "[" + ", ".join(map(str, self.index)) + "]" if self.index else ""
         return f"{block}.{self.name}{place}"
 
 
 @value
 class TunableBlock(ABC):
-    """What all blocks share: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
+    """Base of all blocks: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
 
     #: Fields with numbers, which keep their sign unless they are entries of a matrix.
     NUMBERS: ClassVar[tuple[str, ...]] = ()
-    #: Bounds that the meaning of a parameter sets.
+    #: Bounds by the definition of a parameter.
     LIMITS: ClassVar[Mapping[str, tuple[float, float]]] = {}
 
     reads: Names = ""
@@ -136,7 +137,7 @@ class TunableBlock(ABC):
     matrix_block = False
 
     def check_numbers(self) -> None:
-        """Check the numbers of the block, and how many signals it has."""
+        """Check the numbers of the block and the number of its signals."""
         if len(self.reads) > 1 or len(self.drives) > 1:
             raise ValueError(
                 f"reads and drives must name one signal each, got {len(self.reads)} and {len(self.drives)}"
@@ -145,15 +146,15 @@ class TunableBlock(ABC):
             object.__setattr__(self, name, self.check_number(name, getattr(self, name)))
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block, or a refusal."""
+        """Return a number of the block; refuse a bad one."""
         return require_positive(name, number) if name in self.LIMITS else require_real(name, number)
 
     def present(self) -> list[str]:
-        """Return the names of the numbers that this block has: a part that is left out has none."""
+        """Return the names of the numbers of this block; a part that is left out has none."""
         return list(self.NUMBERS)
 
     def parameters(self, dt: float) -> list[Parameter]:
-        """Return free numbers in the order of the fields, with their bounds under a clock dt [s] (0: continuous)."""
+        """Return free numbers in the order of the fields, with bounds for a sampling time dt [s] (0: continuous)."""
         numbers = {name: array for name, array in parameter_values(self).items() if name not in self.fixed}
         return [
             self.parameter(name, index, float(start), dt)
@@ -162,7 +163,7 @@ class TunableBlock(ABC):
         ]
 
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
-        """One free number with its bounds, or a refusal of a start outside them."""
+        """Return one free number with its bounds; refuse a start outside them."""
         sign = 0 if self.matrix_block else int(np.sign(start))
         reach = _RANGE_RATIO * (abs(start) or 1.0)
         low, high = (start / _RANGE_RATIO, start * _RANGE_RATIO) if sign else (-reach, reach)
@@ -182,7 +183,7 @@ class TunableBlock(ABC):
         return Parameter(name=name, index=index, start=start, lower=low, upper=high, sign=sign)
 
     def natural_bounds(self, name: str, dt: float) -> tuple[float, float]:
-        """Return bounds that follow from what the parameter is."""
+        """Return bounds that follow from the definition of a parameter."""
         low, high = self.LIMITS.get(name, (-np.inf, np.inf))
         if dt and name.endswith("omega"):
             return low, 2 / dt * np.arctan(_MAX_SAMPLED_RATE)
@@ -194,13 +195,13 @@ class TunableBlock(ABC):
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return A, B, C, D for these numbers, which may be complex; complex analytic in them.
 
-        In s, or under a clock dt [s] in 2/dt (z - 1)/(z + 1).
+        The matrices are in s, or for a sampling time dt [s] in 2/dt (z - 1)/(z + 1).
         """
 
     def system(self, dt: float = 0.0) -> control.StateSpace:
-        """Return the block as a system with the names of its signals, sampled where dt [s] is given.
+        """Return the block as a system with the names of its signals, sampled if dt [s] is given.
 
-        It is a start for `design_frf`, and `pid_gains` reads it.
+        Use it as a start for `design_frf`; `pid_gains` reads its gains.
         """
         dt = require_nonnegative("dt", dt)
         self.require_below_nyquist(dt)
@@ -210,7 +211,7 @@ class TunableBlock(ABC):
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
 
     def require_below_nyquist(self, dt: float) -> None:
-        """Refuse a frequency that a clock dt [s] does not have."""
+        """Refuse a frequency above the Nyquist frequency of a sampling time dt [s]."""
         omega = getattr(self, "omega", 0.0)
         if omega * dt >= np.pi:
             raise ValueError(
@@ -225,7 +226,7 @@ class TunableBlock(ABC):
 
 
 def signal_names(name: str, given: Names) -> tuple[str, ...]:
-    """Return signal names as a tuple, or a refusal."""
+    """Return signal names as a tuple; refuse anything else."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not names or not all(isinstance(one, str) and one for one in names):
         raise ValueError(f"{name} must name one signal or several, got {short_form(given)}")
@@ -235,7 +236,7 @@ def signal_names(name: str, given: Names) -> tuple[str, ...]:
 def second_order_section(
     numerator: Sequence[float | np.ndarray], denominator: Sequence[float | np.ndarray], scale: float
 ) -> np.ndarray:
-    """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, of a quotient of polynomials in scale (z - 1)/(z + 1).
+    """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, for a quotient of polynomials in scale (z - 1)/(z + 1).
 
     Both have the same number of coefficients, at most three, highest power first.
 
@@ -249,7 +250,6 @@ def second_order_section(
 
 
 def parameter_values(block: TunableBlock) -> dict[str, np.ndarray]:
-    """Return numbers of a block by name."""
     return {name: np.array(getattr(block, name), dtype=float) for name in block.present()}
 
 
@@ -264,7 +264,9 @@ def with_parameters(block: TunableBlock, parameters: list[Parameter], numbers: n
 
 @value
 class Gain(TunableBlock):
-    """A static gain, or a matrix of them.
+    """A static gain, or a matrix of gains.
+
+    Use it as a block for `tune`: a proportional gain, or a decoupling matrix.
 
     Fields
     ------
@@ -273,9 +275,9 @@ class Gain(TunableBlock):
     reads, drives : str or list of str
         Signals.
     fixed : tuple of str
-        ("K",) where nothing is tuned.
+        ("K",) if nothing is tuned.
     lower, upper : dict of str to float, optional
-        Bounds of every entry, by "K"; 1000 times its start, 1000 where that is zero, when not given.
+        Bounds of every entry, by "K"; by default 1000 times the start, or 1000 if that is zero.
 
     Raises
     ------
@@ -308,29 +310,31 @@ class Gain(TunableBlock):
         object.__setattr__(self, "K", _read_only(K))
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return no states."""
+        """Return a system without states."""
         K = np.asarray(numbers["K"])
         return np.zeros((0, 0)), np.zeros((0, K.shape[1])), np.zeros((K.shape[0], 0)), K
 
 
 @value
 class Pid(TunableBlock):
-    """kp + ki/s + kd s/(filter_time s + 1), or the parts of it that are given.
+    """kp + ki/s + kd s/(filter_time s + 1), or some of these parts.
+
+    Use it as a start for `tune` or `design_frf`, or as a PID that you have.
 
     Fields
     ------
     kp, ki, kd : float
-        Gains where the search starts: unit of drives over reads, the same per second, the same times seconds. A part
-        whose gain is zero is not there. Each gain keeps its sign.
+        Gains at the start of the search: unit of drives over reads, the same per second, the same times seconds. A part
+        with zero gain is left out. Each gain keeps its sign.
     filter_time : float
-        Time constant of the derivative filter [s]; positive where there is a kd.
+        Time constant of the derivative filter [s]; positive if kd is not zero.
     reads, drives : str
         Signals: drives = Pid reads.
     fixed : tuple of str
         Parameters that stay at their start.
     lower, upper : dict of str to float, optional
-        Bounds by name; a thousandth and a thousand times the start when not given. Under a clock filter_time stays
-        above dt/10.
+        Bounds by name; by default a thousandth and a thousand times the start. When sampled, filter_time stays above
+        dt/10.
 
     Raises
     ------
@@ -356,7 +360,7 @@ class Pid(TunableBlock):
 
     @classmethod
     def from_gains(cls, gains: object, *, reads: str, drives: str) -> Pid:
-        """Return the block of a `PidGains`, the same PID: `pid_gains` reads those of a design of `design_frf`.
+        """Return the block for a `PidGains`: `pid_gains` reads those of a design of `design_frf`.
 
         >>> from robust.io import PidGains
         >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
@@ -365,7 +369,7 @@ class Pid(TunableBlock):
         return cls(reads=reads, drives=drives, **{name: getattr(gains, name) for name in cls.NUMBERS})
 
     def check_numbers(self) -> None:
-        """Check the gains, and that a derivative has its filter."""
+        """Check the gains, and the filter of a derivative."""
         super().check_numbers()
         require_nonnegative("filter_time", self.filter_time)
         if self.kd and not self.filter_time:
@@ -374,12 +378,12 @@ class Pid(TunableBlock):
             )
 
     def present(self) -> list[str]:
-        """Return the gains that are not zero, and the filter of a derivative."""
+        """Return the names of the nonzero gains, and the filter of a derivative."""
         gains = [name for name in ("kp", "ki", "kd") if getattr(self, name)]
         return [*gains, "filter_time"] if self.kd else gains
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return integral and derivative side by side."""
+        """Return integral and derivative in parallel."""
         rows: list[tuple[float | np.ndarray, ...]] = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
@@ -405,17 +409,17 @@ class Pid(TunableBlock):
 class Filter(TunableBlock):
     """A filter of first or second order: a quotient of polynomials in p = s/omega.
 
-    Sampled, it has at omega exactly the response of the continuous one.
+    When sampled, it has exactly the response of the continuous filter at omega.
     """
 
     omega: float
 
     @abstractmethod
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients of numerator and denominator in p, highest power first, the first of these one."""
+        """Return coefficients of numerator and monic denominator in p, highest power first."""
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return states in units of omega, so that the rows of A are alike; under a clock of its image."""
+        """Return states in units of omega (sampled: of its image), so that the rows of A have equal size."""
         omega = numbers["omega"]
         rate = 2 / dt * np.tan(omega * dt / 2) if dt else omega
         (direct, *top), (_, *bottom) = self.polynomials(numbers)
@@ -426,7 +430,7 @@ class Filter(TunableBlock):
         return A, np.array([[0.0], [rate]]), C, np.array([[direct]])
 
     def section(self, fs: float) -> np.ndarray:
-        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1: as a drive runs it."""
+        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1, as in a drive."""
         self.require_below_nyquist(1 / require_positive("fs", fs))
         return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
 
@@ -436,18 +440,18 @@ class Filter(TunableBlock):
 
 @value
 class Notch(Filter):
-    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a band around a resonance is taken out.
+    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a notch that removes a band around a resonance.
 
     Fields
     ------
     omega : float
         Its frequency [rad/s].
     depth : float
-        Gain there: 0 takes it out altogether, above one it is a peak. Tuned between 0.001 and 1 when no bounds are
-        given.
+        Gain at omega: 0 blocks it completely, a depth above one makes a peak. The default range for tuning is 0.001 to
+        1.
     width : float
         Relative width, 2 zeta of the poles: a notch of depth zero has a gain of 1/sqrt(2) at two frequencies whose
-        distance is width times omega. Tuned between 0.01 and 4 when no bounds are given.
+        distance is width times omega. The default range for tuning is 0.01 to 4.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -480,7 +484,7 @@ class Notch(Filter):
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block, or a refusal; the depth may be zero."""
+        """Return a number of the block; refuse a bad one. The depth may be zero."""
         return require_nonnegative(name, number) if name == "depth" else super().check_number(name, number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
@@ -491,16 +495,16 @@ class Notch(Filter):
 
 @value
 class Lead(Filter):
-    """(r p + 1)/(p + r), p = s/omega: phase lead at omega, gain one there; what a crossover near the limit needs.
+    """(r p + 1)/(p + r), p = s/omega: phase lead at omega with gain one there, for phase margin at the crossover.
 
     r^2 = (1 + sin phase)/(1 - sin phase): the gain falls by r below omega and rises by r above it.
 
     Fields
     ------
     omega : float
-        Where the lead is largest [rad/s].
+        Frequency of the largest lead [rad/s].
     phase : float
-        Lead there [rad], below pi/2. Tuned between 0.01 and 1.5 when no bounds are given.
+        Lead at omega [rad], below pi/2. The default range for tuning is 0.01 to 1.5.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -526,7 +530,7 @@ class Lead(Filter):
     LIMITS = {"omega": (0.0, np.inf), "phase": (1e-2, 1.5)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block, or a refusal."""
+        """Return a number of the block; refuse a bad one."""
         if super().check_number(name, number) >= np.pi / 2 and name == "phase":
             raise ValueError(f"phase must be below pi/2 rad for one lead, got {number:g}. Take two")
         return float(number)
@@ -540,12 +544,12 @@ class Lead(Filter):
 
 @value
 class Lag(Filter):
-    """(p + 1)/(p + 1/gain), p = s/omega: more gain below omega, one above it; with gain inf it is PI action.
+    """(p + 1)/(p + 1/gain), p = s/omega: higher gain below omega, gain one above it; PI action for an infinite gain.
 
     Fields
     ------
     omega : float
-        Up to where the gain is raised [rad/s]; a tenth of the crossover costs it 6 degrees.
+        Frequency below which the gain is raised [rad/s]; at a tenth of the crossover the lag costs 6 degrees of phase.
     gain : float
         Gain at zero frequency, above one; inf for an integrator, which is not tuned.
     reads, drives, fixed, lower, upper : as for `Pid`
@@ -573,7 +577,7 @@ class Lag(Filter):
     LIMITS = {"omega": (0.0, np.inf), "gain": (1.0, np.inf)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block, or a refusal; the gain may be infinite."""
+        """Return a number of the block; refuse a bad one. The gain may be infinite."""
         if name == "gain" and isinstance(number, float) and np.isposinf(number):
             return number
         if super().check_number(name, number) <= 1 and name == "gain":
@@ -581,7 +585,7 @@ class Lag(Filter):
         return float(number)
 
     def present(self) -> list[str]:
-        """Return the names of the numbers; an infinite gain is none."""
+        """Return the names of the numbers; an infinite gain is not one of them."""
         return ["omega", "gain"] if np.isfinite(self.gain) else ["omega"]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
@@ -591,15 +595,15 @@ class Lag(Filter):
 
 @value
 class LowPass(Filter):
-    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: above it noise and unknown modes are left alone.
+    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: less gain for noise and unknown modes above omega.
 
     Fields
     ------
     omega : float
         Corner [rad/s].
     zeta : float
-        Damping ratio of second order; 1/sqrt(2) for the flattest gain (Butterworth). Tuned between 0.1 and 2 when no
-        bounds are given.
+        Damping ratio for second order; 1/sqrt(2) for the flattest gain (Butterworth). The default range for tuning is
+        0.1 to 2.
     order : int
         1 or 2.
     reads, drives, fixed, lower, upper : as for `Pid`
@@ -651,14 +655,14 @@ class LowPass(Filter):
 class Biquad(Filter):
     """(p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), p = s/omega, q = numerator_omega/omega.
 
-    The general filter of second order, of gain one at zero frequency.
+    The general filter of second order with gain one at zero frequency.
 
     Fields
     ------
     omega, numerator_omega : float
         Natural frequencies of denominator and numerator [rad/s].
     zeta, numerator_zeta : float
-        Their damping ratios; that of the numerator may be zero.
+        Damping ratios of denominator and numerator; that of the numerator may be zero.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -693,7 +697,7 @@ class Biquad(Filter):
     }
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block, or a refusal; the numerator may have no damping."""
+        """Return a number of the block; refuse a bad one. The numerator may have no damping."""
         return require_nonnegative(name, number) if name == "numerator_zeta" else super().check_number(name, number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
@@ -704,7 +708,9 @@ class Biquad(Filter):
 
 @value
 class StateSpace(TunableBlock):
-    """Any system of a given order: A, B, C and D are all free.
+    """A system of a given order whose A, B, C and D are all free.
+
+    Use it in `tune` for a controller without a prescribed structure, or to continue from another design.
 
     Fields
     ------
@@ -713,7 +719,7 @@ class StateSpace(TunableBlock):
     reads, drives : str or list of str
         Signals.
     A, B, C, D : (n_states, n_states), (n_states, n_y), (n_u, n_states), (n_u, n_y) ndarray, optional
-        Start. When not given A is -1 on the diagonal, B and C are 0.1 everywhere and D is zero.
+        Start. By default A is -1 on the diagonal, B and C are 0.1 everywhere and D is zero.
     fixed : tuple of str
         Matrices that stay at their start: ("D",) keeps the block strictly proper.
     lower, upper : dict of str to float, optional
@@ -747,7 +753,7 @@ class StateSpace(TunableBlock):
     def from_system(
         cls, K: control.StateSpace | control.TransferFunction, *, reads: Names, drives: Names
     ) -> StateSpace:
-        """Return the block that starts at a controller or filter K, continuous or sampled, of any design.
+        """Return a block that starts at a controller or filter K, continuous or sampled, from any design.
 
         >>> start = StateSpace.from_system(control.ss(-2.0, 1.0, 3.0, 0.0), reads="e", drives="u")
         >>> start.A.tolist(), start.C.tolist()
@@ -756,7 +762,7 @@ class StateSpace(TunableBlock):
         system = multivariable("K", K)
         A, B, C, D = continuous_image(system)
         if system.dt:
-            rate = 2 / system.dt  # the image counts s in units of 2/T
+            rate = 2 / system.dt  # the image has s in units of 2/T
             A, B, C = A * rate, B * np.sqrt(rate), C * np.sqrt(rate)
         n_y, n_u = len(signal_names("reads", reads)), len(signal_names("drives", drives))
         if D.shape != (n_u, n_y):
@@ -781,18 +787,17 @@ class StateSpace(TunableBlock):
         object.__setattr__(self, "n_states", n)
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return the matrices themselves."""
+        """Return the four matrices unchanged."""
         return tuple(np.asarray(numbers[name]) for name in "ABCD")  # type: ignore[return-value]
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:
-    """Return the array, read-only."""
     array.setflags(write=False)
     return array
 
 
 def require_blocks(blocks: object) -> dict[str, TunableBlock]:
-    """Check blocks by name, or a refusal."""
+    """Return blocks by name; refuse anything else."""
     if not isinstance(blocks, Mapping) or not blocks:
         raise ValueError(f"blocks must be named blocks, {{name: robust.tuning.Pid(...)}}, got {short_form(blocks)}")
     for name, block in blocks.items():

@@ -1,4 +1,4 @@
-"""Convex programs in cones as the solver takes them: of small ones a modelling layer takes longer than the solution."""
+"""Convex programs in cones in the form of the solver: for small ones a modelling layer takes longer than solving."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def solve_conic(
     zero: int = 0,
     cones: Sequence[int] = (),
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return x and multipliers of min x'P x/2 + q'x, and "" or why they are none.
+    """Return x and multipliers of min x'P x/2 + q'x, and "" or the reason of a failure.
 
     Of b - A x the first `zero` rows are zero and the next `positive` are not negative; the others are second-order
-    cones of these sizes, the first of each no less than the modulus of its others.
+    cones of these sizes, whose first entry is at least the norm of the others.
     """
     import clarabel
 

@@ -1,15 +1,15 @@
-r"""Iterative learning control: the next input of a trial that repeats, from the error of the one before.
+r"""Iterative learning control: the next input of a repeating trial, from the error of the previous one.
 
-    u_next = Q (u + L e),    e = S_p r - J_p u,    J_p = G_p S_p: from u at the plant input to y, the feedback stays
+    u_next = Q (u + L e),    e = S_p r - J_p u,    J_p = G_p S_p from u at the plant input to y; the feedback stays
 
 Over the set G_p = (G + g Delta)/(1 + a Delta), |Delta| <= 1, with b of `robust.models.sets.forms`,
 
     J_p = S (G + g Delta)/(1 + b Delta),    a disc with the centre c = S (G - g b*)/(1 - |b|^2)
                                             and the radius rho = |S| |g - G b|/(1 - |b|^2).
 
-Per trial the difference to what is left in the end is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c| + |L| rho)
-over the set. With x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is zero. In between L fades
-here, as a jump of L rings for long: L = k/c, k = (1 - x)/(1 - factor) but at most one; the factor is 1 - k (1 - x).
+In each trial the distance to the final error is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c| + |L| rho) over the
+set. For x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is zero. A jump of L would ring for long,
+so L fades in between: L = k/c, k = min(1, (1 - x)/(1 - factor)); the factor is then 1 - k (1 - x).
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from robust.proofs.exact.learning import LearningClaim, prove_learning
 
 _SET, _NOMINAL = "set", "nominal"
 _TIME_CAP = 20.0  # processor time [s] for the proof
-_BELOW = 3e-3  # relative, by which the factor on the grid stays below the level that is proved
-_PADDED = 3  # times the length of a trial, over which filters without phase run
-_END = 3  # time constants at the end of a trial over which what is learned comes to be held
+_BELOW = 3e-3  # relative distance of the factor on the grid below the level to be proved
+_PADDED = 3  # length of the padded trial for zero-phase filters, in trials
+_END = 3  # time constants at the end of a trial over which the learned input fades to a constant
 
 
 @value
 class Learning:
-    """A learning filter for a loop whose trials repeat, and what it does to every plant of a set.
+    """A learning filter for a loop whose trials repeat, with its effect on every plant of a set.
 
     Fields
     ------
@@ -54,21 +54,21 @@ class Learning:
     K : control.StateSpace
         The sampled controller, which stays in the loop.
     delay : float
-        Computation delay [s] on top of what the model contains.
+        Computation delay [s], in addition to the delay of the model.
     L : "set", "nominal" or control.StateSpace
-        From the error to the input: the best for the set, 1/J of the nominal loop, or a filter of the user.
+        Filter from the error to the input: the best for the set, 1/J of the nominal loop, or a filter of the user.
     omega_Q : float
-        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, cos^2 from there to zero at twice that.
+        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, then falls as cos^2 to zero at twice that.
     factor : float
-        What the factor per trial stays below, for every plant of the set and at every frequency where proved.
+        Bound of the factor per trial, for every plant of the set, at every frequency if proved.
     full : float
-        x = rho/|c| up to which L "set" is 1/c; it fades from there to x = 1.
+        Largest x = rho/|c| at which L "set" is 1/c; L fades from there to x = 1.
     u_max : float
         Limit of |u|, inf for none.
     proved : bool
-        Whether the factor is proved between the frequencies, too.
+        True if the factor is proved between the frequencies, too.
     reason : str
-        Why not; empty where it is.
+        Reason why it is not proved; empty if it is.
 
     References
     ----------
@@ -123,7 +123,7 @@ class Learning:
 
     @cached_property
     def loop(self) -> Loop:
-        """Return the loop that the trials run in."""
+        """Return the loop of the trials."""
         return assemble_loop(self.model, self.K, w_P=None, delay=self.delay)
 
     @property
@@ -133,12 +133,12 @@ class Learning:
 
     @cached_property
     def omega(self) -> np.ndarray:
-        """Return the frequencies (W,) [rad/s], up to Nyquist, at which the set was looked at."""
+        """Return the frequencies (W,) [rad/s], up to Nyquist, at which the set is evaluated."""
         return extend_grid(self.loop.grid(self.model.omega), self.loop.omega_max)[1:]
 
     @cached_property
     def settling(self) -> float:
-        """Return the longest time constant of the nominal loop, and of Q one period of its cut-off [s]."""
+        """Return the longest time constant of the nominal loop, or one period of the cut-off of Q if longer [s]."""
         rates = -to_s_plane(self.loop.poles[0].astype(complex), self.dt).real
         slowest = min(rates.min(initial=np.inf), self.omega_Q / (2 * np.pi))
         return float(1 / max(slowest, 1e-300))
@@ -148,7 +148,7 @@ class Learning:
         return _disc(self.loop, self.loop.curves(omega))
 
     def Q(self, omega: np.ndarray) -> np.ndarray:
-        """Return the response (W,) of Q, real as it is without phase."""
+        """Return the response (W,) of Q, which is real."""
         return np.asarray(np.cos(np.pi / 2 * np.clip(np.asarray(omega) / self.omega_Q - 1, 0, 1)) ** 2)
 
     def filter(self, omega: np.ndarray) -> np.ndarray:
@@ -172,7 +172,7 @@ class Learning:
         return Q * np.where(Q > 0, self.without_Q(omega), 0.0)
 
     def left(self, omega: np.ndarray) -> np.ndarray:
-        """Return an upper bound (W,) of what is left of the error in the end, over the error without learning."""
+        """Return an upper bound (W,) of the final error, over the error without learning."""
         return (1 - self.Q(omega)) / (1 - self.contraction(omega))
 
     def update(self, u: np.ndarray, e: np.ndarray) -> np.ndarray:
@@ -181,7 +181,7 @@ class Learning:
         Parameters
         ----------
         u : (n,) or (n, 1) ndarray
-            Input that was added to that of the controller at the plant input, in this trial; zeros in the first.
+            Learned input of this trial, added to that of the controller at the plant input; zeros in the first.
         e : (n,) or (n, 1) ndarray
             Error r - y of this trial, sampled at the same instants.
 
@@ -214,7 +214,7 @@ class Learning:
         total = next_fast_len(_PADDED * n, real=True)
         omega = 2 * np.pi * rfftfreq(total, self.dt)
         L, order = self._without_poles(omega)
-        # differences are zero before the trial, and behind it as well: what is learned begins at rest and is then held
+        # differences are zero before and after the trial: the learned input begins at rest and is held at the end
         k = max(order, 1)
         change, error = _differences(samples, k), _differences(error, k - order)
         learned = irfft(self.Q(omega) * (rfft(change, total) + L * rfft(error, total)), total)[:n]
@@ -224,7 +224,7 @@ class Learning:
         return np.clip(learned, -self.u_max, self.u_max).reshape(np.shape(u))
 
     def _without_poles(self, omega: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return L (W,) without its poles at zero frequency, and their number: J is zero where K integrates."""
+        """Return L (W,) without its poles at zero frequency, and their number: J is zero there if K integrates."""
         inside = (omega > 0) & (omega < min(2 * self.omega_Q, self.loop.omega_max))
         low = omega[1] / 8 * np.array([1.0, 2.0])
         at = np.concatenate([low, omega[inside]])
@@ -276,37 +276,36 @@ def design_learning(
 ) -> Learning:
     """Design a learning filter for a loop whose trials repeat: u_next = Q (u + L e), with a factor for the whole set.
 
-    Use it where feedback alone leaves an error that is the same in every trial, as friction does.
+    Use it if feedback alone leaves an error that is the same in every trial, as with friction.
 
     Parameters
     ----------
     model : UncertaintyModel
-        Of one input and output, with a parametric nominal.
+        Set with one input and output and a parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Sampled controller, u = K (r - y), which leaves every plant of the set stable. It stays in the loop.
+        Sampled controller, u = K (r - y), that stabilises every plant of the set. It stays in the loop.
     factor : float
-        What the factor per trial is to stay below, for every plant of the set, between 0 and 1.
+        Required bound of the factor per trial, for every plant of the set, between 0 and 1.
     L : "set", "nominal", control.StateSpace or TransferFunction
-        From the error to the input: the best for the set (1/J of the centre of its disc), 1/J of the nominal loop, or
-        a filter of your own on the sampling time of the loop.
+        Filter from the error to the input: the best for the set (1/J of the centre of its disc), 1/J of the nominal
+        loop, or a filter of your own on the sampling time of the loop.
     omega_Q : float, optional
-        Cut-off of Q [rad/s]; when not given the highest in the measured band with which the factor
-        stays below `factor`.
+        Cut-off of Q [rad/s]; by default the highest one in the measured band for which the factor stays below `factor`.
     delay : float
-        Computation delay [s] on top of what the model contains.
+        Computation delay [s], in addition to the delay of the model.
     u_max : float
-        Limit of the learned input, in the unit of u; the factor is that of inputs within it.
+        Limit of the learned input, in the unit of u; the factor holds for inputs within it.
 
     Returns
     -------
     Learning
-        Its factor is proved for L "set" but in the coprime form; else it holds on a grid, and the text has its size.
+        Its factor is proved for L "set", except in the coprime form; otherwise it holds on a grid of the printed size.
 
     Raises
     ------
     ValueError
-        A model that is no such set, a continuous K, a loop that is not robustly stable, an operator, an inverse form
-        of a continuous nominal, an `omega_Q` with a factor of one or more.
+        A model that is not such a set, a continuous K, a loop that is not robustly stable, an operator, an inverse form
+        with a continuous nominal, an `omega_Q` with a factor of one or more.
 
     References
     ----------
@@ -363,7 +362,7 @@ def design_learning(
 
 
 def _largest_cutoff(learning: Learning, factor: float) -> float:
-    """Return the highest cut-off [rad/s] of Q with which the factor per trial stays below one that is wanted.
+    """Return the highest cut-off [rad/s] of Q for which the factor per trial stays below the required one.
 
     At a frequency where |1 - L J_p| reaches f > factor, Q has to be factor/f, and this gives the cut-off.
     """
@@ -373,16 +372,16 @@ def _largest_cutoff(learning: Learning, factor: float) -> float:
         return np.where(need > 0, (1 + 2 / np.pi * need) / omega, 0.0)
 
     least = learning.loop.peak(inverse_cutoff, learning.omega, learning.loop.band).value
-    # nothing was measured above the band, and at the Nyquist frequency Q is one everywhere
+    # nothing was measured above the band, and for omega_Q at the Nyquist frequency Q is one everywhere
     return float(min((1 - 2 * _BELOW) / max(least, 1e-300), learning.loop.band[1], learning.loop.omega_max))
 
 
 def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
-    """Return centre and radius (W,) of J_p over the set from the curves of its loop."""
+    """Return centre and radius (W,) of J_p over the set, from the curves of its loop."""
     G, S = replace_infinite(curves.G), curves.S
     if loop.aliases is None:
         g, b = plant_numerator(loop.form, curves.w, G=G, W=curves.W), curves.b
-    else:  # of a continuous set a disc about the sampled plant, the sum of those of its aliases
+    else:  # for a continuous set: a disc about the sampled plant whose radius sums those of its aliases
         g = loop.aliases.sampled_radius(curves.omega, curves.G)
         b = g * curves.K_S
     inside = 1 - np.abs(b) ** 2
@@ -390,7 +389,7 @@ def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _trial(name: str, samples: np.ndarray) -> np.ndarray:
-    """Return the samples (n,) of a trial of one channel, or a refusal."""
+    """Return the samples (n,) of a trial with one channel; refuse others."""
     found = np.asarray(samples)
     if found.dtype.kind not in "fiu" or found.shape not in ((found.size,), (found.size, 1)) or found.size < 2:
         raise ValueError(f"{name} must be real samples of one channel, (n,) or (n, 1), got {short_form(samples)}")
@@ -400,14 +399,14 @@ def _trial(name: str, samples: np.ndarray) -> np.ndarray:
 
 
 def _differences(samples: np.ndarray, order: int) -> np.ndarray:
-    """Return the differences (n,) of samples that are zero before the first."""
+    """Return differences (n,) of samples that are zero before the first."""
     return np.diff(samples, order, prepend=np.zeros(order))
 
 
 def _end_window(n: int, settling: float) -> np.ndarray:
-    """Return (n,) one, and over the last time constants the fall of cos^2 to zero.
+    """Return (n,) ones that fall as cos^2 to zero over the last time constants.
 
-    An error that a late input makes behind the end is not seen. Learned all the same, such inputs may grow.
+    An error after the end is not measured. Late inputs that cause it may grow if they are learned.
     """
     length = int(min(_END * settling, n / 3)) + 1
     return np.minimum(1.0, np.sin(np.pi / 2 * np.clip(np.arange(n, 0, -1) - 1, 0, length) / length) ** 2)

@@ -1,4 +1,4 @@
-"""A PID with its filters in a TOML file, every number with its unit, as blocks; the filters are those of a drive."""
+"""A PID with its filters from a TOML file, every number with its unit, as blocks; the filters are those of a drive."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch, Pid
 
-#: Filters: their frequency is typed under their name, the other numbers under these, with these defaults.
+#: Filters: their frequency stands under their name, the other numbers under these names, with these defaults.
 _FILTERS: dict[str, dict[str, float]] = {
     "notch": {"bandwidth": np.nan, "depth": 0.0},
     "low_pass": {"zeta": LowPass.zeta},
@@ -30,25 +30,25 @@ _FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} 
 #: Form of a PID -> its entries for the integral and the derivative.
 _FORMS = {"parallel": ("Ki", "Kd"), "ideal": ("Ti", "Td"), "series": ("Ti", "Td")}
 _TIMES = ("sample_time", "delay", "Ti", "Td", "Tf")
-_LEAST_FILTER = 0.5  # samples: below that a sampled derivative rings
+_LEAST_FILTER = 0.5  # samples: with a shorter filter a sampled derivative rings
 
 
 @value
 class _PidSettings:
-    """A PID and its filters, one behind the other, as they run.
+    """A PID and its filters in series, as they run.
 
     Fields
     ------
     pid : Pid
         Gains of the parallel form.
     filters : tuple of Filter
-        Each with its own frequency.
+        The filters, each with its own frequency.
     dt : float
         Sampling time [s]; 0 for a continuous controller.
     delay : float or None
-        Computation delay [s]; None where the file has none.
+        Computation delay [s]; None if the file has none.
     unit : str
-        Unit of Kp, u over y; empty where the file has none.
+        Unit of Kp, u over y; empty if the file has none.
     """
 
     pid: Pid
@@ -62,25 +62,27 @@ class _PidSettings:
         """Return the controller u = K (r - y); sampled by the trapezoidal rule, each filter exact at its frequency."""
         K = self.pid.system(self.dt)
         for slot in self.filters:
-            K = K * slot.system(self.dt)  # the gains behind the filters: states of one size
+            K = K * slot.system(self.dt)  # the gains stand behind the filters: states of similar size
         return K
 
 
 def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     """Read a PID with its filters from a TOML file.
 
+    Use this to check a PID that you already have.
+
     Parameters
     ----------
     path : path
-        With `sample_time` ("0 s": continuous), `Kp`, and what else it has: `delay`; `form`, "parallel" (Kp + Ki/s +
-        Kd s/(Tf s + 1), when not given), "ideal" (Kp (1 + 1/(Ti s) + Td s/(Tf s + 1))) or "series" (Kp (1 + 1/(Ti s))
+        File with `sample_time` ("0 s": continuous), `Kp`, and optional entries: `delay`; `form`, "parallel" (default:
+        Kp + Ki/s + Kd s/(Tf s + 1)), "ideal" (Kp (1 + 1/(Ti s) + Td s/(Tf s + 1))) or "series" (Kp (1 + 1/(Ti s))
         (Td s + 1)/(Tf s + 1)); tables [[filters]] as in `servo.load_gains`.
 
     Raises
     ------
     ValueError
-        A file that is not TOML, an entry that is not known, missing or of another form, a number without a unit or
-        with a wrong one, a filter above half the sampling frequency.
+        A file that is not TOML, an entry that is unknown, missing or for another form, a number without a unit or with
+        a wrong one, a filter above half the sampling frequency.
     FileNotFoundError
         No such file.
 
@@ -117,7 +119,7 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
 
 
 def _require_entries(path: str, content: JsonObject) -> str:
-    """Return the form of a PID, or refuse entries that are not known, missing or of another form."""
+    """Return the form of a PID; refuse entries that are unknown, missing or for another form."""
     if "kv" in content:
         raise ValueError(f"path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE {path}")
     form = require_choice("form", content.get("form", "parallel"), tuple(_FORMS))
@@ -141,7 +143,7 @@ def _require_entries(path: str, content: JsonObject) -> str:
 
 
 def _read_pid(form: str, content: JsonObject, times: Mapping[str, float]) -> tuple[Pid, str]:
-    """Return the parallel form of a PID of any form, and the unit of Kp."""
+    """Return the parallel form of a PID in any form, and the unit of Kp."""
     (kp, unit), tf = _read_gain("Kp", content["Kp"]), times.get("Tf", 0.0)
     if form == "parallel":
         ki, kd = (
@@ -151,13 +153,13 @@ def _read_pid(form: str, content: JsonObject, times: Mapping[str, float]) -> tup
     else:
         ki, td = (kp / times["Ti"] if "Ti" in times else 0.0), times.get("Td", 0.0)
         kd = kp * td
-        if form == "series" and td:  # both compared, power by power of s
+        if form == "series" and td:  # compare both forms by powers of s
             kp, kd = kp + ki * (td - tf), (kp - ki * tf) * (td - tf)
     return Pid(kp=kp, ki=ki, kd=kd, filter_time=tf), unit
 
 
 def _read_gain(name: str, written: Json, unit: str | None = None, per: str = "") -> tuple[float, str]:
-    """Return a gain and its unit; converted to a unit, that of Kp, with a power of the time, where this is given."""
+    """Return a gain and its unit; if `unit`, that of Kp, is given, converted to it with a power of the time."""
     if isinstance(written, int | float) and not isinstance(written, bool) and not unit:
         return float(written), ""
     try:
@@ -173,14 +175,14 @@ def _read_gain(name: str, written: Json, unit: str | None = None, per: str = "")
 
 
 def read_filters(slots: Json, dt: float = 0.0) -> tuple[Filter, ...]:
-    """Return the filters of tables [[filters]]; each below half the sampling frequency where dt [s] is given."""
+    """Return the filters of tables [[filters]]; each below half the sampling frequency if dt [s] is given."""
     if not isinstance(slots, list):
         raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
     return tuple(_read_slot(given, dt) for given in slots)
 
 
 def _read_slot(given: Json, dt: float) -> Filter:
-    """One filter of the file."""
+    """Return one filter of the file."""
     kinds = [kind for kind in _FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
         raise ValueError(f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}")

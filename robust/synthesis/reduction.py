@@ -1,4 +1,4 @@
-"""Controllers of lower order that keep what was proved: candidates by model reduction, each judged by the check."""
+"""Controllers of lower order that keep the proved properties: candidates by model reduction, judged by the check."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
 
-_LEAST_RADIUS = 1e-9  # of the set that a plant alone stands for
-_MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
+_LEAST_RADIUS = 1e-9  # relative radius of the set around a plant without a set
+_MAX_CHANGE_OF_T = 0.1  # limit of max |T_r - T| without a proved performance
 
 
 @value
 class Reduction:
-    """A controller of lower order, and what the check says of it.
+    """A controller of lower order, with the result of its check.
 
     Fields
     ------
     K : control.StateSpace
-        The reduced controller; the one that was given where none of lower order keeps what was proved.
+        The reduced controller; the given one if none of lower order keeps the proved properties.
     order : int
-        Its states.
+        Number of states of K.
     method : str
-        How it was reduced: "balanced", "weighted by the loop" or "coprime factors", truncated (exact at high
+        Method of reduction: "balanced", "weighted by the loop" or "coprime factors", truncated (exact at high
         frequencies) or residualised (exact at zero); "not reduced" otherwise.
     kept : bool
-        Whether its check proves what the check of the controller that was given proves.
+        True if the check of K proves all that the check of the given controller proves.
     report, before : RobustnessReport or RobustnessReport
-        Of the reduced controller and of the one that was given.
+        Reports on the reduced and on the given controller.
     reason : str
-        Why it is not lower, or what was lost.
+        Reason why the order is not lower, or the property that was lost.
     n_tried : int
-        Candidates looked at.
+        Number of candidates tried.
     full_order : int
-        States of the controller that was given.
+        Number of states of the given controller.
 
     References
     ----------
@@ -109,23 +109,25 @@ def reduce_controller(
     delay: float = 0.0,
     max_candidates: int = 300,
 ) -> Reduction:
-    """Find the controller of lowest order that keeps what the check of a controller proves.
+    """Find the controller of lowest order that keeps the properties that the check of a controller proves.
 
-    Looked at are balanced truncation, the same weighted by the loop (G S before and S behind the error of K: what the
-    loop sees of it), and that of the coprime factors of K, each truncated and residualised. From the lowest order on
-    the best is checked in full, until one keeps the verdict, and robust performance where that was proved. Where it was
-    not, K = 0 would keep the verdict on a stable plant: then max |T_r - T| has to stay below 0.1 too.
+    Use this before you put a controller of high order on a target.
+
+    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S behind the error of
+    K), and from truncation of the coprime factors of K, each truncated and residualised. From the lowest order on the
+    best one is checked in full, until one keeps the verdict, and robust performance if that was proved. Without a
+    proved performance K = 0 would keep the verdict on a stable plant: then max |T_r - T| must stay below 0.1 too.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction
-        Controller, continuous or sampled, of one or several channels.
+        Controller, continuous or sampled, with one or several channels.
     model, w_P, delay
-        As for `check`; or the plant alone that `mixsyn` took: stability and max |w_P S| < 1 are kept then.
+        As for `check`; or only the plant of `mixsyn`: then stability and max |w_P S| < 1 are kept.
     order : int, optional
-        This order and no other: the best of it, kept or not.
+        Only this order: its best controller, kept or not.
     max_candidates : int
-        Reduced controllers to look at; where they are used up K comes back as it was.
+        Largest number of reduced controllers to try; if none of them suffices, K is returned unchanged.
 
     Returns
     -------
@@ -134,7 +136,7 @@ def reduce_controller(
     Raises
     ------
     ValueError
-        A controller of which the check proves nothing (give an order then), an order that is no lower.
+        A controller for which the check proves nothing (give an order then), an order that is not lower.
 
     References
     ----------
@@ -151,7 +153,7 @@ def reduce_controller(
     (0, 3.0)
     """
     given, model = model, _plant_as_set(model)
-    alone = model is not given  # no set was given
+    alone = model is not given  # the plant was given without a set
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
     max_candidates = require_integer("max_candidates", max_candidates, least=1)
@@ -205,7 +207,7 @@ def reduce_controller(
 
 
 def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
-    """Return a plant as the set of those within a billionth of it, anything else as it is."""
+    """Return a plant as the set of those within a billionth of it; anything else unchanged."""
     if is_known_on_lines(model) or isinstance(model, UncertaintyModel):
         return model
     G = multivariable("model", model)
@@ -216,14 +218,14 @@ def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     if G.ninputs == G.noutputs:
         left, right = (one,) * G.ninputs, (small,) * G.ninputs
         return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
-    # a set at the inputs alone reaches no output more than there are inputs: every entry, in units of its channels
+    # a set at the inputs alone cannot move all outputs if there are more of them: every entry, in units of its channels
     rows, columns = channel_units(np.median(np.abs(response_by_channel(G, structure_grid(G)[1:])), axis=2))
     left, right = tuple(small * size for size in rows), tuple(one * size for size in columns)
     return UncertaintyModel(G, form=ADDITIVE, left=left, right=right, omega=omega, perturbation="LTI")
 
 
 def _without_set(report: RobustnessReport) -> RobustnessReport:
-    """Return the report on a plant that stands for a set, in words of the plant."""
+    """Return the report on a plant that stands for a set, in words for a plant."""
     stable = report.proofs.robustly_stable
     what = "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
     return replace(
@@ -240,7 +242,7 @@ def _without_set(report: RobustnessReport) -> RobustnessReport:
 def _candidates(
     K: control.StateSpace, model: FrfSource, *, w_P: Weight | None, delay: float
 ) -> Iterator[tuple[str, int, control.StateSpace]]:
-    """(method, order, controller) by every way that works on this controller."""
+    """Yield (method, order, controller) for every method that applies to this controller."""
     if not K.nstates:
         return
     dt = timebase(K)
@@ -278,7 +280,7 @@ def _rank_candidates(
     before: RobustnessReport,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
-    """Sort reduced controllers by their curves, best first, and drop those that cannot keep what was proved."""
+    """Sort reduced controllers by their curves, best first, and drop those that cannot keep the proved properties."""
     found = []
     for method, K in small:
         try:
@@ -294,7 +296,7 @@ def _rank_candidates(
 
 
 def _compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
-    """Return whether everything that was proved before is proved again, and what is not."""
+    """Return True if everything proved before is proved again, and a description of the loss."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.proofs.robust_performance and not report.proofs.robust_performance:
@@ -307,7 +309,7 @@ def _compare_reports(report: RobustnessReport, before: RobustnessReport, change:
 def _change_of_T(
     model: FrfSource, K: control.StateSpace, *, small: control.StateSpace, before: RobustnessReport
 ) -> float:
-    """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
+    """Return max |T_r - T| of the nominal loop on the grid of its report, inf if it is unknown."""
     if has_several_channels(model):
         G, one = response_by_channel(model.nominal, before.curves.omega), np.eye(model.n_outputs)
         L = (

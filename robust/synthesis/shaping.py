@@ -1,4 +1,4 @@
-"""Elements to shape a loop with by hand: lead, lag, notch, low-pass, PID as systems, to be multiplied."""
+"""Elements for manual loop shaping: lead, lag, notch, low-pass, PID as systems, to be multiplied."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from robust.synthesis.blocks import Lag, Lead, LowPass, Notch, Pid
 
 
 def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
-    """Return phase lead at a frequency, gain one there: what a crossover near the stability limit needs.
+    """Return phase lead at a frequency with gain one there, for phase margin at the crossover.
 
     Parameters
     ----------
     omega, phase : float
-        Where the lead is largest [rad/s], and the lead there [rad], as of `Lead`.
+        Frequency of the largest lead [rad/s], and the lead there [rad], as for `Lead`.
     dt : float
         Sampling time [s] of a sampled element, by the bilinear map that is exact at omega; 0 for continuous.
 
@@ -36,12 +36,12 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
 
 
 def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
-    """Return more gain below a frequency, one above it; gain inf is PI action.
+    """Return higher gain below a frequency and gain one above it; PI action for an infinite gain.
 
     Parameters
     ----------
     omega, gain : float
-        Up to where the gain is raised [rad/s], and the gain at zero frequency, as of `Lag`.
+        Frequency below which the gain is raised [rad/s], and the gain at zero frequency, as for `Lag`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -64,12 +64,12 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
 def notch(
     omega: float, *, depth: float = Notch.depth, width: float = Notch.width, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return a notch over a resonance, gain one away from it.
+    """Return a notch over a resonance, with gain one away from it.
 
     Parameters
     ----------
     omega, depth, width : float
-        Its frequency [rad/s], the gain there, its relative width, as of `Notch`.
+        Its frequency [rad/s], the gain there, its relative width, as for `Notch`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -94,12 +94,12 @@ def notch(
 def low_pass(
     omega: float, *, order: int = LowPass.order, zeta: float = LowPass.zeta, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return a low-pass filter of first or second order: above it noise and unknown modes are left alone.
+    """Return a low-pass filter of first or second order: less gain for noise and unknown modes above its corner.
 
     Parameters
     ----------
     omega, order, zeta : float, int, float
-        Corner [rad/s], order and damping ratio, as of `LowPass`.
+        Corner [rad/s], order and damping ratio, as for `LowPass`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -123,12 +123,12 @@ def low_pass(
 def pid(
     kp: float, ki: float = 0.0, kd: float = 0.0, *, filter_time: float = 0.0, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return PID control kp + ki/s + kd s/(filter_time s + 1).
+    """Return the PID controller kp + ki/s + kd s/(filter_time s + 1).
 
     Parameters
     ----------
     kp, ki, kd, filter_time : float
-        Gains and time constant of the derivative filter [s], as of `Pid`.
+        Gains and time constant of the derivative filter [s], as for `Pid`.
     dt : float
         Sampling time [s], by Tustin; 0 for continuous.
 

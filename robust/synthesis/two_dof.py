@@ -1,11 +1,11 @@
-"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with what the set makes of it.
+"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with the error over the set.
 
     r --->[ F ]--->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        y = T_p F r,   wanted: T_ref r
                    -^                              |
                     +------------------------------+
 
-F stands outside of the loop: stability and its margins are those of K, whatever F is. (SP 9.4.3 finds both at once.)
-Over a set, T_p F of one channel fills a disc at each frequency; of several channels the largest error is bounded by
+F stands outside the loop: stability and its margins are those of K for any F. (SP 9.4.3 finds both at once.)
+Over a set, T_p F fills a disc at each frequency for one channel; for several channels the largest error is bounded by
 skewed mu (SP 8.10.3).
 """
 
@@ -33,33 +33,33 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels, req
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 
-_REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
-_ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there
+_REDUCTION_TOLERANCE = 0.01  # largest change of T F by removed states of F
+_ROUNDING = 1e-9  # singular value of T at zero frequency over the largest, below which T has no gain in a direction
 
 
 @value
 class _ReferenceFilter:
-    """A prefilter or a feedforward, and how well the loop follows its reference model with it.
+    """A prefilter or a feedforward filter, with the errors of the loop against its reference model.
 
     Fields
     ------
     F : control.StateSpace
-        Stable, on the time base of the loop. Prefilter: the loop is given F r. Feedforward: u = K (T_ref r - y) + F r.
+        Stable, on the time base of the loop. Prefilter: the loop input is F r. Feedforward: u = K (T_ref r - y) + F r.
     gamma, gamma_min : float
-        Norm of [T_ref - T F; effort F], of a feedforward with G in place of T, before states were left out, and a lower
-        bound for any F.
+        Norm of [T_ref - T F; effort F] before the reduction of F (feedforward: with G in place of T), and a lower bound
+        for any F.
     certificate : Certificate or None
-        The proof of gamma, or why there is none.
+        The proof of gamma, or the reason why there is none.
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
-        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one. Of several channels
+        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one. For several channels
         the largest singular value, and an upper bound of it.
     error_without : (W,) ndarray or None
-        Of a feedforward the largest over the set with F = 0.
+        For a feedforward filter: the largest error over the set with F = 0.
     n_lines : int
-        Of several channels 0 where the largest `error_worst` is proved to be one at all frequencies, else on how many
-        it was looked at.
+        For several channels 0 if the largest `error_worst` is proved at all frequencies, otherwise the number of
+        frequencies of the grid.
 
     References
     ----------
@@ -97,7 +97,9 @@ def prefilter(
     effort: float = 0.01,
     delay: float = 0.0,
 ) -> _ReferenceFilter:
-    """Find the prefilter that brings a loop nearest to a reference model, and what the whole set makes of the result.
+    """Find the prefilter that brings a loop nearest to a reference model, and bound its error over the whole set.
+
+    Use this after the design of K, if the response to r has to follow a model.
 
     Parameters
     ----------
@@ -106,22 +108,22 @@ def prefilter(
     K : control.StateSpace, TransferFunction
         Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop. For
-        several channels a square matrix, or one transfer function for every output.
+        T_ref, stable: the wanted response from r to y. A continuous one goes through the bilinear map onto a sampled
+        loop. For several channels a square matrix, or one transfer function for every output.
     effort : float
-        Weight on F: how much of it is bought for how much of the error.
+        Weight on F against the error.
     delay : float
         Computation delay [s].
 
     Returns
     -------
     ReferenceFilter
-        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref where T has an inverse.
+        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref if T has an inverse.
 
     Raises
     ------
     ValueError
-        A loop that is not stable, a reference that is not, sampling times that differ.
+        An unstable loop, an unstable reference, sampling times that differ.
 
     References
     ----------
@@ -160,7 +162,7 @@ def prefilter(
 def _prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
 ) -> _ReferenceFilter:
-    """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
+    """Return the prefilter for several channels, with its error over the set bounded by `gain_bound`.
 
     With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see `_error_loop`.
     """
@@ -202,7 +204,7 @@ def _error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.Sta
 def _synthesise_matching(
     T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, name: str = "prefilter"
 ) -> Synthesis:
-    """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refused where there is none."""
+    """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refuse if there is none."""
     found = hinfsyn(_matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
         raise ValueError(f"reference must be one that a {name} can be found for: {found.reason}")
@@ -210,7 +212,7 @@ def _synthesise_matching(
 
 
 def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
-    """Return the loop that is to follow a reference, or a refusal where it is not stable."""
+    """Return the loop that has to follow a reference; refuse an unstable one."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
     loop = assemble_loop(model, K, w_P=None, delay=require_nonnegative("delay", delay))
@@ -221,7 +223,7 @@ def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loo
 
 
 def _on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
-    """Return the reference model of n channels, stable, on the time base of the loop."""
+    """Return the stable reference model for n channels, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt=dt, n=n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
@@ -229,7 +231,7 @@ def _on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpac
 def _matching_plant(
     T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, dt: float
 ) -> control.StateSpace:
-    """From (r, u) to (T_ref r - T u, effort u; r)."""
+    """Return the system from (r, u) to (T_ref r - T u, effort u; r)."""
     n_r, n_u, n_y = T_ref.ninputs, T.ninputs, T.noutputs
     A = block_diag(T_ref.A, T.A)
     B = block_diag(T_ref.B, T.B)
@@ -245,7 +247,7 @@ def _matching_plant(
 
 
 def _fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float) -> control.StateSpace:
-    """F without the states that T F hardly shows."""
+    """Return F without the states that hardly affect T F."""
     T_response, whole = (response_by_channel(each, omega) for each in (T, F))
     for _, _, small in balanced_candidates(continuous_image(F)):
         less = control.StateSpace(*(to_discrete(*small) if dt else small), dt)
@@ -256,9 +258,9 @@ def _fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.nd
 
 
 def _exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
-    """Return X F with T X F = T_ref at zero frequency, so that what stands still is followed exactly.
+    """Return X F with T X F = T_ref at zero frequency, so that a constant reference is followed exactly.
 
-    X is used where it is nearer to one than to zero: elsewhere T or T_ref has no gain there, and F is left as it is.
+    X is used if it is nearer to one than to zero. Otherwise T or T_ref has no gain there, and F is left unchanged.
     """
     at_zero, f, wanted = (response_by_channel(each, np.zeros(1))[:, :, 0].real for each in (T, F, T_ref))
     if np.linalg.cond(at_zero) > 1 / _ROUNDING:
@@ -282,32 +284,35 @@ def _tracking_errors(
     return np.abs(wanted - (1 - S) * f), np.where(np.abs(b) < 1, worst, np.inf)
 
 
-# ---- Feedforward from the model, with what the set of plants makes of it.
+# ---- Feedforward from the model, with its error over the set of plants.
 #
 #     r --->[T_ref]--->(+)-- e -->[ K ]--->(+)-- u -->[ G ]---+--> y       wanted: T_ref r
 #      |               -^                   ^                 |
 #      |                +-------------------|-----------------+
 #      +-------------->[ F ]----------------+
 #
-# With F = T_ref/G the nominal loop follows exactly, and a plant of the set misses by T_ref S_p (1 - G_p/G) in place of
-# T_ref S_p: feedforward helps where the plant is known to within itself, and does harm where it is not.
+# With F = T_ref/G the nominal loop follows exactly. A plant of the set has the error T_ref S_p (1 - G_p/G) instead of
+# T_ref S_p: feedforward helps where the relative error of the plant is below one, and harms where it is not.
 
 
 def feedforward_filter(
     model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
 ) -> _ReferenceFilter:
-    """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
+    """Find the signal to add to u so that a loop follows a reference model, and bound its error over the set.
+
+    Use this instead of `prefilter` if the reference is known and the plant is stable.
 
     Parameters
     ----------
     model : UncertaintyModel
-        Plant with its set, with a parametric nominal that is stable.
+        Plant with its set, with a stable parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback, of T_ref r - y; a sampled one on a continuous nominal as for `check`.
+        Controller, negative feedback from T_ref r - y; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop.
+        T_ref, stable: the wanted response from r to y. A continuous one goes through the bilinear map onto a sampled
+        loop.
     effort : float
-        Weight on F, in units of error over those of u: how much of it is bought for how much of the error.
+        Weight on F against the error, in units of error over those of u.
     delay : float
         Computation delay [s].
 
@@ -318,7 +323,7 @@ def feedforward_filter(
     Raises
     ------
     ValueError
-        A plant or a reference that is not stable, a loop that is not, sampling times that differ.
+        An unstable plant, reference or loop, sampling times that differ.
 
     References
     ----------
@@ -361,7 +366,7 @@ def feedforward_filter(
 def _feedforward_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
+    """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, without a division by K.
 
     S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.
     """

@@ -1,13 +1,13 @@
 """One convex step of the fixed-structure design: second-order cones, line by line.
 
-Unknown are the parameters, in coordinates eta in which the columns of Y and of c X over P_c are orthonormal, and,
-where a demand adds the two, |Y| and |X|. A modulus on the small side of a demand is a cone; one on the large side is
-replaced by what the previous iterate leaves of it:
+Unknown are the parameters, in coordinates eta in which the columns of Y and of c X over P_c are orthonormal, and |Y|
+and |X| if a demand adds the two. A modulus on the small side of a demand is a cone. One on the large side is replaced
+by a lower bound from the previous iterate:
 
-    |R| >= Re(R R_c*)/|R_c|     for demands that must be met
+    |R| >= Re(R R_c*)/|R_c|     for hard demands
     |R|^2 >= 2 Re(R R_c*) - |R_c|^2     for the level that is minimised: a^2 <= level |R|^2 is a rotated cone
 
-Both are exact at the previous iterate, so that it stays feasible and no step is a step back (Karimi & Kammer,
+Both are exact at the previous iterate, so it stays feasible and no step is a step back (Karimi & Kammer,
 Automatica 85 (2017), eq. 22 to 26).
 """
 
@@ -28,9 +28,9 @@ class Demand:
     Fields
     ------
     name : str
-        The demand in words.
+        Description of the demand.
     index : (R,) ndarray of int
-        Lines it is made on.
+        Lines of the demand.
     a, b, c : (R,) ndarray
     y, x : (R,) complex ndarray
     """
@@ -44,14 +44,14 @@ class Demand:
     x: np.ndarray
 
     def on(self, mask: np.ndarray) -> Demand:
-        """Return the demand on the lines of a mask, indexed among those."""
+        """Return the demand on the lines of a mask, with indices among those."""
         keep = mask[self.index]
         place = np.cumsum(mask) - 1
         parts = {name: getattr(self, name)[keep] for name in "abcyx"}
         return Demand(name=self.name, index=place[self.index[keep]], **parts)
 
     def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Return (..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
+        """Return (..., R) left side over right side, from Y and X on all lines: at most one if the demand is met."""
         Y, X = Y[..., self.index], X[..., self.index]
         size = np.abs(X)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -59,9 +59,9 @@ class Demand:
         return np.where(np.isnan(ratio), np.inf, ratio)
 
     def measure_between(self, Y: np.ndarray, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Return (...,) largest `measure` with the right side followed straight from line to line.
+        """Return (...,) largest `measure`, with the right side on a straight line between two lines.
 
-        A loop that passes near -1 between two lines is small on the chord; omega (W,) tells where a plant ends.
+        A loop that passes near -1 between two lines is small on the chord; omega (W,) shows where a plant ends.
         """
         Y, X = Y[..., self.index], X[..., self.index]
         with np.errstate(all="ignore"):
@@ -93,15 +93,15 @@ class Step:
     Fields
     ------
     eta : (n,) ndarray
-        Of the previous iterate.
+        Coordinates of the previous iterate.
     Y, X : (F, n) complex ndarray
         Y and |c| X over the previous |P_c|.
     hard, aim : Rows
-        Demands to be met; demands whose level is minimised.
+        Hard demands; demands whose level is minimised.
     linear : (Q, n) ndarray
         linear @ eta >= 0.
     gain, scale : (n,) ndarray
-        What is maximised where there is no aim, and what is kept at one meanwhile.
+        The functional maximised without an aim, and the one kept at one meanwhile.
     """
 
     eta: np.ndarray
@@ -115,11 +115,10 @@ class Step:
 
 
 def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
-    """eta, or None and what went wrong; whether it is any good is judged by whoever asked.
+    """Return eta, or None with the reason of a failure; the caller judges the result.
 
     Unknown are eta, |Y| and |X| on the lines where a demand adds the two, and the level. An expression is a matrix over
-    these and one; a cone is a list of expressions, and says line by line that the first is the modulus of the others at
-    least.
+    these and one. A cone is a list of expressions: on each line the first is at least the norm of the others.
     """
     hard, aim, n = step.hard, step.aim, step.eta.size
     adds_hard, adds_aim = ((rows.a > 0) & (rows.b > 0) for rows in (hard, aim))
@@ -144,7 +143,7 @@ def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
         a, line = rows.a[pick, None], rows.line[pick]
         return parts(np.where(a > 0, a * step.Y[line], rows.b[pick, None] * step.X[line]))
 
-    # a step, where there is no end to improvement
+    # bounds the step if improvement has no limit
     cones = [[_MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]]
     cones += [[size, *parts(part[lines])] for size, part in zip(sizes, (step.Y, step.X), strict=True)]
     cones.append([of_eta(hard.R[~adds_hard]), *alone(hard, ~adds_hard)])

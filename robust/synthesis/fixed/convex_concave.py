@@ -20,13 +20,13 @@ from robust.synthesis.fixed.structures import Basis
 _WORKING_LINES = 80
 _TOLERANCE = 1e-6
 _STEP_GAIN = 1e-4
-_HALVINGS = 8  # of the way to where the demands are met
-_MAX_GAIN_RATIO = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
+_HALVINGS = 8  # of the path to the point where the demands are met
+_MAX_GAIN_RATIO = 1e6  # gain at low frequency over the first one, above which no demand limits it
 
 
 @value
 class DesignTask:
-    """All there is to a design: the lines, the demands, and the columns of Y and F X on the lines."""
+    """The data of a design: the lines, the demands, and the columns of Y and F X on the lines."""
 
     basis: Basis
     family: list[PlantOnLines]
@@ -42,11 +42,11 @@ class DesignTask:
 
     @property
     def objective(self) -> Demand | None:
-        """What is minimised, where that is gamma."""
+        """Return the demand that is minimised, if the aim is gamma."""
         return self.gamma if self.aim == "gamma" else None
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (W,) Y and F X; by sums, as threads of a matrix product cost more than they bring here."""
+        """Return (W,) Y and F X; by sums, because the threads of a matrix product cost more than they save here."""
         return (self.Y * theta).sum(axis=1), (self.X * theta).sum(axis=1)
 
     def loop(self, theta: np.ndarray) -> np.ndarray:
@@ -55,12 +55,12 @@ class DesignTask:
         return Y + self.at.centre * X
 
     def hard(self, theta: np.ndarray) -> float:
-        """Worst demand, at most one where all are met."""
+        """Return the worst demand, at most one if all are met."""
         Y, X = self.split(theta)
         return max((float(row.measure(Y, X).max()) for row in self.rows), default=0.0)
 
     def goal(self, theta: np.ndarray) -> float:
-        """Return what is minimised once the demands are met: gamma, or minus the gain at low frequency."""
+        """Return the quantity to minimise once the demands are met: gamma, or minus the gain at low frequency."""
         if self.objective is not None:
             return float(self.objective.measure(*self.split(theta)).max())
         Y0, X0 = self.basis.zero_frequency()
@@ -68,11 +68,11 @@ class DesignTask:
         return -abs(float(X0 @ theta)) / size if size else np.inf  # a step that ends without a denominator
 
     def merit(self, theta: np.ndarray) -> tuple[float, float]:
-        """Demands first, then the goal."""
+        """Return the merit: demands first, then the goal."""
         return max(self.hard(theta), 1 + _TOLERANCE), self.goal(theta)
 
     def stability_change(self, old: np.ndarray, new: np.ndarray) -> str:
-        """Empty where loop and controller keep their number of unstable poles on the way from old to new; else why."""
+        """Return "" if loop and controller keep their number of unstable poles from old to new; else the reason."""
         P_old, P = self.loop(old), self.loop(new)
         if not np.all((P * P_old.conj()).real[self.at.known] > 0):
             return "the loop changes"
@@ -88,14 +88,14 @@ class DesignTask:
 
 
 def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """(Q, n) rows @ theta >= 0: the controller stays proper, stable and, if asked, its roots real, gains positive."""
+    """Return (Q, n), rows @ theta >= 0: the controller stays proper, stable; on request real roots, positive gains."""
     basis, n_y = task.basis, task.basis.n_y
     shape = basis.structure
     if not shape.free:
         scale = np.concatenate([np.sign(theta[:1]), np.zeros(basis.n_x)])[None, :]
         return np.vstack([scale, np.sign(theta[0]) * basis.gain_rows()]) if task.positive else scale
     if task.stable:
-        # Y may not vanish on the circle through -slowest and -fastest: its roots stay inside
+        # Y must not vanish on the circle through -slowest and -fastest: its roots stay inside
         span = basis.fastest - basis.slowest
         r = np.concatenate([[0.0], np.geomspace(1e-3 * task.at.omega.min(), span, 40)])
         s = -basis.slowest - r**2 / span + 1j * r * np.sqrt(np.maximum(1 - (r / span) ** 2, 0.0))
@@ -103,7 +103,7 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     else:
         Y = np.ones((1, n_y), complex)  # at infinite frequency: proper
     old = Y @ theta[:n_y]
-    Y, old = Y[old != 0], old[old != 0]  # a pole right on the circle: on which side is seen afterwards, by the poles
+    Y, old = Y[old != 0], old[old != 0]  # a pole exactly on the circle: its side is checked afterwards, by the poles
     rows = [np.hstack([(Y / old[:, None]).real, np.zeros((Y.shape[0], basis.n_x))])]
     if shape.real:
         for part, before in ((slice(0, n_y), 0), (slice(n_y, None), n_y)):
@@ -126,7 +126,7 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
 
 
 def _working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """Return (W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
+    """Return (W,) bool: the first lines of the program, spread over the band, with the peaks of every demand."""
     W = task.at.omega.size
     if W <= 1.5 * _WORKING_LINES:
         return np.ones(W, dtype=bool)
@@ -153,9 +153,9 @@ def _demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
 
 
 def _convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
-    """Return the step about theta, and the way from eta back to theta.
+    """Return the step about theta, and the map from eta back to theta.
 
-    level: the demands themselves are what is minimised, as one of them is not met yet.
+    level: the demands themselves are minimised, because one of them is not met yet.
     """
     place = np.cumsum(mask) - 1
     Yb, Xb = task.Y[mask], task.X[mask]
@@ -214,7 +214,7 @@ def iterate(
     n_iterations: int,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Return the best of what the iteration makes of each start: parameters, history and why it ended."""
+    """Return the best result over the starts: parameters, history and the reason of the end."""
     found = [_improve_start(task, theta, n_iterations=n_iterations, progress=progress) for theta in starts]
     return min(found, key=lambda result: task.merit(result[0]))
 
@@ -226,7 +226,7 @@ def _improve_start(
     n_iterations: int,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Convex steps from one start until nothing improves: parameters, history and why it ended."""
+    """Improve one start by convex steps until nothing improves: parameters, history and the reason of the end."""
     mask = _working_lines(task, theta)
     history: list[float] = []
     slow, why, first = 0, "converged", task.merit(theta)[1]
@@ -243,7 +243,7 @@ def _improve_start(
         after = task.merit(best)
         missed = _demand_peaks(task, new, 6) & ~mask
         if missed.any() and not is_lower(after, before, 1e-2):
-            mask = mask | missed  # the program did not see what held the step back
+            mask = mask | missed  # the lines that limited the step were not in the program
             if not is_lower(after, before, 0.0):
                 continue
         slow = 0 if is_lower(after, before, _STEP_GAIN) else slow + 1
@@ -265,16 +265,16 @@ def _improve_start(
 
 
 def is_lower(after: tuple[float, float], before: tuple[float, float], by: float) -> bool:
-    """Return whether a merit is lower by more than a fraction."""
+    """Return True if a merit is lower by more than a fraction."""
     if after[0] != before[0]:
         return after[0] < before[0] - by * abs(before[0])
     return after[1] < before[1] - by * abs(before[1])
 
 
 def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
+    """Return the best point of equal stability, on the way to the new iterate and beyond, and the obstacle there."""
     P_old, P = task.loop(old), task.loop(new)
-    new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one
+    new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the path is short
     best, merit, obstacle = old, task.merit(old), ""
     for ladder in ((1.0, 2.0, 4.0, 8.0), (0.7, 0.5, 0.3, 0.1, 0.03)):
         for reach in ladder:
@@ -296,7 +296,7 @@ def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np
 
 
 def _nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
-    """Return where the demands are first met on the way: a step that looks at nothing else gives the goal away."""
+    """Return the first point on the path where the demands are met: a step for them alone gives the goal away."""
     low, high, best = 0.0, 1.0, met
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

@@ -1,4 +1,4 @@
-"""What is asked of a loop, line by line, in the form a convex program takes.
+"""Demands on a loop, line by line, in the form of a convex program.
 
 With K = X/Y, every demand below reads, at one frequency,  a |Y| + b |X| <= |y Y + x X|.  A disc of plants with centre
 c and radius r about the loop turns 1 + L into (Y + c X + r X Delta)/Y, so that at worst
@@ -26,11 +26,11 @@ from robust.lti.realisation import state_space
 from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 
-#: What a peak may reach: a number, or the magnitude of a system over frequency.
+#: Limit of a peak: a number, or the magnitude of a system over frequency.
 Bound: TypeAlias = "float | LinearSystem"
 
 
-#: The set must stay this far inside stability, so that a check can prove it between the lines too.
+#: Distance of the set from instability, so that a check can prove stability between the lines too.
 _BACK_OFF = 0.99
 
 
@@ -46,7 +46,7 @@ def _limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
 
 
 def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> Demand | None:
-    """[worst-case performance; w_T T; w_u K S] stacked, whose largest value over the lines is gamma."""
+    """Return [worst-case performance; w_T T; w_u K S] stacked; its largest value over the lines is gamma."""
     if w_P is None and w_T is None and w_u is None:
         return None
     sizes = {}
@@ -62,7 +62,7 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
 
 
 def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
-    """Return the weights as demands of their own."""
+    """Return the weights as separate demands."""
     rows = []
     for name, w, text in (
         ("w_P", w_P, "|w_P S| <= 1 for the whole set"),
@@ -76,7 +76,7 @@ def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u
 
 
 def _worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, sufficient where the set is none."""
+    """Return a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, otherwise sufficient."""
     return p * (1 + at.outside) + at.outside, at.radius
 
 
@@ -91,7 +91,7 @@ def demand_row(
     x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
 ) -> Demand:
-    """Return a row on all lines (or some), with the centre of the disc on its right side unless given otherwise."""
+    """Return a row on all lines (or some), with the centre of the disc on its right side by default."""
     W = at.omega.size
     index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
@@ -100,7 +100,7 @@ def demand_row(
 
 
 def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[Demand]:
-    """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
+    """Return a row for small |L| from the last line of every FRF on, where the plant is assumed to be no larger."""
     starts = np.cumsum([0, *(s.omega.size for s in family)])
     lasts = [
         np.arange(np.flatnonzero(s.known)[-1], s.omega.size) + first
@@ -124,13 +124,13 @@ def limit_rows(
     gain: tuple[float, float] | None,
     resonates: bool,
 ) -> list[Demand]:
-    """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them.
+    """Return the hard demands, with stability of the whole set as the first one.
 
-    resonates : |L| of a controller with a given resonance may be above one there, beyond its crossover.
+    resonates : with a given resonance |L| of a controller may exceed one there, beyond its crossover.
     """
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
-        direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
+        direct = at.inverse > 0  # |w S| <= 1, because the disc of an inverse form grows without bound
         b, x = np.where(direct, 0.0, at.radius / _BACK_OFF), np.where(direct, at.G, at.centre)
         rows.append(demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
     if M_S is not None:
@@ -157,7 +157,7 @@ def limit_rows(
 
 
 def _peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
-    """|T| <= M over the set: exact for M > 1, where L must stay out of a circle; by the triangle below that."""
+    """Return |T| <= M over the set: exact for M > 1, where L must stay out of a circle; below by the triangle."""
     big = M > 1 + 1e-6
     square = np.where(big, M**2 - 1, 1.0)
     a = np.where(big, M / M**2, at.outside)
@@ -171,7 +171,7 @@ def _peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
 
 
 def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
-    """|L| of the nominal at least so large at a frequency."""
+    """Return a least |L| of the nominal at a frequency."""
     least = require_real(name, least)
     if least <= 0:
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
@@ -182,7 +182,7 @@ def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand
 
 
 def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
-    """Return the lines nearest to a frequency, one for each plant, or a refusal outside the band."""
+    """Return the lines nearest to a frequency, one for each plant; refuse a frequency outside the band."""
     omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
     found = []
@@ -199,5 +199,4 @@ def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
 
 
 def _describe_bound(bound: Bound) -> str:
-    """Return a limit in words."""
     return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

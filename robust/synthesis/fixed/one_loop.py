@@ -1,4 +1,4 @@
-"""A fixed-order controller of one loop, by convex programming: what is asked, and what came out of it."""
+"""A fixed-order controller for one loop, by convex programming: its demands and its result."""
 
 from __future__ import annotations
 
@@ -58,24 +58,24 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-#: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
-#: be missed by for that to be done from where it is.
+#: Repetitions of a design on lines of the loop found, the degradation there that causes one, and the largest violation
+#: of a demand with which it continues from its result.
 _LOOKS, _LOOKED, _NEARLY = 3, 1e-3, 1.1
-#: Starts that are followed where the controller has to be proved for friction: of 15 in example 19 five were, at a gain
-#: that was lowered, and none of those with the most integral gain.
+#: Starts that are refined if the controller has to be proved for friction: of 15 in example 19 five were proved, at a
+#: lowered gain, and none of those with the most integral gain.
 _PROVED_STARTS = 6
-_N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
+_N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried for positive gains
 _N_REFINED = 8  # more of them, around the best
-#: What a demand may be missed by, recomputed on those lines.
+#: Accepted violation of a demand, recomputed on those lines.
 _LIMIT_TOLERANCE = 1e-3
-#: Gains of a controller that are tried for a proof, one after the other, and how close a bisection comes from there.
+#: Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection from there.
 _PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 
-#: What a controller is proved for: a class of friction with its machines, or one machine and a class.
+#: Subject of a proof: a class of friction with its machines, or one machine and a class.
 Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
 
 
-#: What `design_frf` was asked of one loop, by the names of its arguments.
+#: Arguments of `design_frf` for one loop, by name.
 LoopOptions: TypeAlias = dict[str, Any]
 
 
@@ -84,7 +84,7 @@ def design_loop(
     structure: str | int | ControllerStructure,
     options: LoopOptions,
 ) -> Design:
-    """`design_frf` of a plant of one input and output."""
+    """Return `design_frf` for a plant with one input and output."""
     aim = require_choice("aim", options["aim"], ("auto", "gamma", "gain"))
     dt, delay = require_nonnegative("dt", options["dt"]), require_nonnegative("delay", options["delay"])
     n_unstable = require_integer("n_unstable", options["n_unstable"], least=0)
@@ -113,7 +113,7 @@ def design_loop(
         return _best_filter(plant, structure, basis=basis, options=options)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
-        """Return the task on the lines too that controllers, or their loops, have features on."""
+        """Return the task with more lines, at features of the controllers or of their loops."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
         Y, X = basis.columns(at.omega)
@@ -135,14 +135,14 @@ def design_loop(
     _warn_of_rising_gain(family, dt)
     task = closer([basis.known_modes()])
     starts = _starts_for(task, options)
-    if not starts:  # of what an FRF may be below its first line the likeliest alone
+    if not starts:  # with the likeliest continuation of an FRF below its first line only
         family = [at.held_for(at.readings[:1]) for at in family]
         task = closer([basis.known_modes()])
         starts = _starts_for(task, options) or _refuse_without_start(task, options["start"])
     follow = partial(_iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
-    else:  # the best controller may be one of which no gain is proved, and another one is
+    else:  # the best controller may have no proved gain, while another one has
         each = [follow(task, [one]) for one in starts]
         theta, history, why = _best_proved(task, each, prove=options["prove"], delay=delay)
     found = _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
@@ -151,7 +151,7 @@ def design_loop(
 
 
 def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
-    """Warn of a derivative filter that is too fast for its clock."""
+    """Warn of a derivative filter that is too fast for the sampling time."""
     if filter_time is not None and 2 * filter_time < dt * (1 - 1e-9):
         keep = (2 * filter_time - dt) / (2 * filter_time + dt)
         warnings.warn(
@@ -163,7 +163,7 @@ def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
 
 
 def _warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
-    """Warn of an FRF whose gain rises over its last lines: above them it is taken to be no larger than there."""
+    """Warn of an FRF whose gain rises over its last lines: above them it is assumed to be no larger."""
     for at in family:
         if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
             warnings.warn(
@@ -181,10 +181,10 @@ def _best_filter(
     basis: Basis,
     options: LoopOptions,
 ) -> Design:
-    """A design that has positive gains of itself, else the best over the time constants of the derivative filter.
+    """Return a design with positive gains, or else the best over the time constants of the derivative filter.
 
-    With the time constant given the gains are linear in the parameters, so that they are kept positive by the convex
-    program itself; with a free one that constraint is bilinear.
+    For a given time constant the gains are linear in the parameters, and the convex program keeps them positive; for a
+    free one that constraint is bilinear.
     """
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
@@ -198,7 +198,7 @@ def _best_filter(
         nonlocal refused
         try:
             design = design_loop(plant, structure, {**options, "filter_time": float(np.exp(-log_pole))})
-        except ValueError as error:  # no start, with this filter
+        except ValueError as error:  # no start with this filter
             refused = error
             return np.inf
         goal = design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
@@ -218,7 +218,7 @@ def _best_filter(
 
 
 def _has_positive_gains(K: control.StateSpace, dt: float) -> bool:
-    """Return whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
+    """Return True if all gains of a PID with a derivative filter are positive."""
     p = K.poles()
     s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
     filter_time = 1 / s[-1]
@@ -238,9 +238,9 @@ def _iterate_on_loop_lines(
     n_iterations: int,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Parameters, history and why it ended, begun again where the lines of the loop found show it worse than it was.
+    """Return parameters, history and the reason of the end; begin again if the lines of the loop show a worse result.
 
-    From where it was, if it is nearly what was asked for; else from the start, now that the lines are known.
+    The next run begins from the result if it nearly meets the demands; otherwise from the start, on the new lines.
     """
     tried, found, history = [], [], tuple[float, ...]()
     begin = starts
@@ -261,7 +261,7 @@ def _iterate_on_loop_lines(
 def _best_proved(
     task: DesignTask, found: list[tuple[np.ndarray, tuple[float, ...], str]], *, prove: Proved, delay: float
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Return the best of what was found, each with the largest gain up to its own that is proved for the friction."""
+    """Return the best of the candidates, each with the largest gain up to its own that is proved for the friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
     proved = []
     for theta, history, why in found:
@@ -280,7 +280,7 @@ def _best_proved(
 def largest_proved_gain(
     K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
 ) -> float:
-    """Return the largest gain, at most one, with which each machine is proved to come to rest; zero where none is."""
+    """Return the largest gain, at most one, with which each machine is proved to come to rest; zero if none is."""
 
     def is_proved(gain: float) -> bool:
         return all(prove_friction(one, gain * K, friction, delay=delay).verdict.is_proved for one in machines)
@@ -296,7 +296,7 @@ def largest_proved_gain(
 def _split_demands(
     family: list[PlantOnLines], at: PlantOnLines, *, aim: str, options: LoopOptions, end_gain: float
 ) -> tuple[str, Demand | None, list[Demand]]:
-    """Return what is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
+    """Return the aim, "gamma" or "gain", the demand for gamma, and the hard demands."""
     w_P, w_T, w_u = options["w_P"], options["w_T"], options["w_u"]
     weighted = not (w_P is None and w_T is None and w_u is None)
     aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
@@ -319,14 +319,14 @@ def _split_demands(
 
 
 def _what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
-    """Return what the user says of an FRF: positive gains are those of a stable plant whose y rises as u rises."""
+    """Return the user's knowledge of an FRF: positive gains imply a stable plant whose y rises as u rises."""
     n = options["plant_integrators"]
     n = None if n is None else require_integer("plant_integrators", n, least=0)
     return KnownPlant(n_unstable=n_unstable, n_integrators=n, sign=1 if options["y_rises"] and not n_unstable else None)
 
 
 def _starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
-    """Return the parameters of controllers that stabilise the plant, given or found; none where there are none."""
+    """Return the parameters of stabilising controllers, given or found; an empty list if there are none."""
     if options["start"] is not None:
         return _check_start(task, options["start"])
     n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], _PROVED_STARTS)
@@ -334,7 +334,7 @@ def _starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
 
 
 def _check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
-    """Return the parameters of a controller that was given to start from; none where it does not stabilise."""
+    """Return the parameters of a given start; an empty list if it does not stabilise."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
     if loops_stable(K, task.family, task.n_unstable)[0] is not Stability.STABLE:
@@ -347,7 +347,7 @@ def _check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
 
 
 def _search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
-    """Return n_starts controllers that stabilise and a simple one; none where there are none."""
+    """Return n_starts stabilising controllers and a simple one; an empty list if there are none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
     return find_start(
         task.basis,
@@ -381,7 +381,7 @@ def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoRetur
 
 
 def _describe_phase_gap(at: PlantOnLines) -> str:
-    """Say where two lines of an FRF lie too far apart for a winding number, at the largest |G|; empty where none do."""
+    """Describe two lines of an FRF too far apart for a winding number, at the largest |G|; "" without any."""
     omega, G = at.measured
     turn = np.abs(np.angle(G[1:] / G[:-1]))
     gaps = np.flatnonzero(turn > LARGEST_JUMP)
@@ -396,7 +396,7 @@ def _describe_phase_gap(at: PlantOnLines) -> str:
 
 
 def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[float]:
-    """Return what was given as one number or two, as a list; the gain always has two."""
+    """Return one number or two as a list; the gain always has two."""
     if given is None:
         return []
     many = list(given) if isinstance(given, (tuple, list)) else [given]
@@ -407,7 +407,7 @@ def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list
 
 
 def _loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
-    """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
+    """Return the sampling time of the loop: that of the controller, or of sampled plants."""
     sources = [p.nominal if isinstance(p, UncertaintyModel) else p for p in plants]
     stated = [one for one in sources if not (is_single(one) or isinstance(one, DiscsOnLines))]
     frf = control.FrequencyResponseData
@@ -424,7 +424,7 @@ def _structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float,
     omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
     s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     low, high = float(s.min()), float(s.max())
-    derivative = shape.name in ("PD", "PID")  # below half a sample its filter rings
+    derivative = shape.name in ("PD", "PID")  # a filter below half a sample rings
     top = min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt) if dt else FASTEST * high
     middle = float(np.sqrt(low * min(high, top)))
     slowest = middle if derivative else 0.0  # a derivative filter, and no second integrator
@@ -432,7 +432,7 @@ def _structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float,
 
 
 def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str) -> Design:
-    """Everything recomputed at the controller returned, and what can be said of it."""
+    """Return the design, with everything recomputed for the final controller, and its description."""
     K = task.basis.controller(theta)
     state, trouble = loops_stable(K, task.family, task.n_unstable)
     good = state is Stability.STABLE
@@ -468,7 +468,7 @@ def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[floa
 
 
 def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions) -> Design:
-    """Return a design that is met, with the lines named on which it is where a mode between two of them may miss it."""
+    """Return a design that is met, with the number of lines if a mode between two of them may violate a demand."""
     paths = [along_arcs(at) for at in family if at.loop is None]
     if not paths:
         return design
@@ -493,11 +493,11 @@ def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, o
 
 
 def _describe_loop(task: DesignTask, K: control.StateSpace) -> tuple[tuple[float, ...], float, float]:
-    """Return where the nominal loops of the family cross over, and their largest |S| and |T| on the lines."""
+    """Return the crossovers of the nominal loops of the family, and their largest |S| and |T| on the lines."""
     crossovers: list[float] = []
     peaks = []
     for at in task.family:
-        own = at if len(task.family) > 1 else task.at  # with the lines of its loop
+        own = at if len(task.family) > 1 else task.at  # including the lines of its loop
         L = own.G[own.known] * response(K, own.omega[own.known])
         crossovers += classical_margins(own.omega[own.known], L).crossovers
         peaks.append((np.abs(1 / (1 + L)).max(), np.abs(L / (1 + L)).max()))

@@ -1,4 +1,4 @@
-"""Plants line by line, as the demands on a loop see them."""
+"""Plants line by line, in the form of the demands on a loop."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_rad
 from robust.models.sets.measured import FrfSource, hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
-#: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
+#: |w| above which an inverse form is not treated as a disc: towards one the disc becomes a half plane.
 _LARGEST_DISC = 0.98
-#: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.
+#: Factor above its features up to which a parametric plant is evaluated, for high-gain controllers; and frequencies.
 _FAR, _N_FAR = 1e5, 31
-#: Parts that the way between two lines is looked at in, and maxima of |S| and |T| that become lines: so much of the
+#: Points of the path between two lines, and maxima of |S| and |T| that become lines: at least this share of the
 #: largest.
 _PARTS, _NEAR_PEAK = 8, 0.7
-#: The last lines of an FRF are those above its last one over this.
+#: The last lines of an FRF are those above the last one divided by this.
 _LAST_LINES = 1.25
-#: Of the frequencies below the first line of an FRF every so many is a line of the demands.
+#: Every such frequency below the first line of an FRF is a line of the demands.
 _BELOW = 3
 
 
 @value
 class DiscsOnLines:
-    """A plant and the discs around it on lines, as the controller sees them: one loop of several, the others closed.
+    """A plant and the discs around it on lines, in front of the controller: one loop of several, the others closed.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     G : (W,) complex ndarray
-        Response, hold and delay inside.
+        Response, hold and delay included.
     radius : (W,) ndarray
-        Of the discs.
+        Radius of the discs.
     """
 
     omega: np.ndarray
@@ -59,7 +59,7 @@ class DiscsOnLines:
 
 @value
 class PlantOnLines:
-    """One plant as the controller sees it, hold and delay inside.
+    """One plant in front of the controller, hold and delay included.
 
     Fields
     ------
@@ -70,21 +70,21 @@ class PlantOnLines:
     radius : (W,) ndarray
         Radius of that disc; zero without uncertainty.
     outside : (W,) ndarray
-        |w| where an inverse form comes near |w| = 1 or passes it, so that the set is no disc; zero elsewhere.
+        |w| where an inverse form comes near |w| = 1 or exceeds it, so that the set is not a disc; zero elsewhere.
     inverse : (W,) ndarray
         |w| of an inverse form on S, zero for the other forms.
     loop : Loop or None
-        The parametric plant, where there is one: then stability is a matter of poles.
+        The parametric plant, if there is one: then stability follows from poles.
     n_integrators : int
-        Integrators of a parametric plant.
+        Number of integrators of a parametric plant.
     readings, open_readings : tuple of Reading
-        What an FRF may be below its first line, the likeliest first: those that the design holds for, and others within
-        the bound, for which it is not known to.
+        Possible continuations of an FRF below its first line, the likeliest first: those that the design holds for, and
+        others within the bound, for which it may not hold.
     known : (W,) ndarray of bool
-        False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
+        False at frequencies above the last line of an FRF, where it is assumed to be no larger than there.
     lowest, highest : float
-        First measured line [rad/s]: an FRF is carried on below it as its integrators; and the last one. Of a parametric
-        plant all but those far above.
+        First and last measured line [rad/s]; below the first one an FRF is continued by its integrators. For a
+        parametric plant they exclude only the lines far above.
     """
 
     omega: np.ndarray
@@ -103,7 +103,7 @@ class PlantOnLines:
 
     @property
     def on_lines(self) -> np.ndarray:
-        """Return (W,) whether a frequency lies between the first line of an FRF and its last."""
+        """Return (W,) True between the first and the last line of an FRF."""
         return self.known & (self.omega >= self.lowest * (1 - 1e-12))
 
     @property
@@ -113,7 +113,7 @@ class PlantOnLines:
 
     @property
     def rises_at_end(self) -> bool:
-        """Return whether |G| rises over the last lines of an FRF by more than their bound leaves open."""
+        """Return True if |G| rises over the last lines of an FRF by more than their bound allows."""
         (omega, G), radius = self.measured, self.radius[self.on_lines]
         last = np.union1d(np.flatnonzero(omega > omega[-1] / _LAST_LINES), np.arange(omega.size)[-4:])
         x, y = np.log(omega[last]), np.log(np.abs(G[last]) + 1e-300)
@@ -123,21 +123,21 @@ class PlantOnLines:
         return bool(slope > spread + 1e-9)
 
     def held_for(self, readings: tuple[Reading, ...]) -> PlantOnLines:
-        """Return it with these readings to be held for, and all others left open."""
+        """Return the plant with these continuations to hold for, and all others left open."""
         left = tuple(one for one in self.readings + self.open_readings if one not in readings)
         return replace(self, readings=readings, open_readings=left)
 
 
 @value
 class KnownPlant:
-    """What the user knows of an FRF: its unstable poles, its integrators and its sign; None where it is to be read."""
+    """The user's knowledge of an FRF: its unstable poles, its integrators and its sign; None if to be estimated."""
 
     n_unstable: int = 0
     n_integrators: int | None = None
     sign: int | None = None
 
 
-#: What a controller is designed for.
+#: Plants for a design.
 DesignPlant: TypeAlias = "DiscsOnLines | Bla | UncertaintyModel | AnySystem"
 
 
@@ -150,9 +150,9 @@ def plant_on_lines(
     known: KnownPlant = KnownPlant(),  # noqa: B008
     K: Sequence[control.StateSpace] = (),
 ) -> PlantOnLines:
-    """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
+    """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added if it is known everywhere.
 
-    K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
+    K : controllers whose modes and loops are evaluated too; an FRF is interpolated there.
     """
     if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
         return _measured_lines(plant, dt, delay, known, K)
@@ -170,7 +170,7 @@ def _with_discs(
     band: tuple[float, float],
     loop: Loop | None = None,
 ) -> PlantOnLines:
-    """Return a plant with the discs that a form of set makes of responses and weights (W,) on its lines."""
+    """Return a plant with the discs of a form of set, from responses and weights (W,) on its lines."""
     size = np.abs(G)
     inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
     disc = w < _LARGEST_DISC
@@ -194,7 +194,7 @@ def _with_discs(
 def _measured_lines(
     plant: FrfSource | DiscsOnLines, dt: float, delay: float, known: KnownPlant, K: Sequence[control.StateSpace]
 ) -> PlantOnLines:
-    """Return an FRF, carried on below its first line and above its last one."""
+    """Return an FRF, continued below its first line and above its last one."""
     if isinstance(plant, DiscsOnLines):
         omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
     else:
@@ -234,8 +234,8 @@ def _modelled_lines(
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],
 ) -> PlantOnLines:
-    """Return a parametric plant where it, its weight, demands or controllers have features, and far above."""
-    source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
+    """Return a parametric plant at the features of it, its weight, demands or controllers, and far above."""
+    source: Any = plant  # a set, or a system in the place of a set without uncertainty
     if not isinstance(plant, UncertaintyModel):
         G_ss = state_space("plant", plant)
         nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
@@ -259,13 +259,13 @@ def _modelled_lines(
     if not isinstance(plant, UncertaintyModel) or loop.aliases is None:
         return seen
     every = loop.aliases.sampled_radius(omega, G)
-    return replace(seen, radius=np.where(np.isfinite(every), every, seen.radius))  # without a bound the check judges
+    return replace(seen, radius=np.where(np.isfinite(every), every, seen.radius))  # without a bound the check decides
 
 
 def _add_mode_lines(
     K: Sequence[control.StateSpace], omega: np.ndarray, *, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Lines, FRF, weight and what is known of it, with lines where controllers have modes and their loops peaks."""
+    """Return lines, FRF, weight and its readings, with lines at modes of controllers and peaks of their loops."""
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
     modes += [_loop_peak_lines(one, omega[known], G[known]) for one in K]
     if not any(one.size for one in modes):
@@ -275,7 +275,7 @@ def _add_mode_lines(
 
 
 def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return frequencies between two lines where |S| or |T| has a maximum near its largest, the FRF interpolated."""
+    """Return frequencies between two lines at which |S| or |T| has a maximum near its largest, the FRF interpolated."""
     at = np.append(omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS), omega[-1])
     L = interpolate_frf(at, omega, G) * response(K, at)
     found = []
@@ -286,9 +286,9 @@ def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) ->
 
 
 def along_arcs(at: PlantOnLines) -> PlantOnLines:
-    """Return an FRF along both paths between two lines that a mode, or an anti-resonance, may take it on.
+    """Return an FRF along both paths that a mode or an anti-resonance may take between two lines.
 
-    G is a straight line where an anti-resonance decides, 1/G where a mode does, so that G follows an arc through zero
+    G is a straight line if an anti-resonance dominates, and 1/G if a mode does; G then follows an arc through zero
     (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is largest on one of them.
     """
     lines = np.flatnonzero(at.on_lines)
@@ -323,7 +323,7 @@ def _design_grid(
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],
 ) -> np.ndarray:
-    """Frequencies [rad/s] to look at a parametric plant: where it, its weight, demands or controllers have features."""
+    """Return frequencies [rad/s] for a parametric plant: at its features and those of weight, demands, controllers."""
     lines = lines if lines.size else plant_features(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
     for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
@@ -337,7 +337,7 @@ def _design_grid(
 
 
 def stacked_plants(plants: list[PlantOnLines]) -> PlantOnLines:
-    """Return the plants of a family as one, line after line, so that a demand is asked of all of them."""
+    """Return the plants of a family as one, line after line, so that a demand applies to all of them."""
     return PlantOnLines(
         omega=np.concatenate([s.omega for s in plants]),
         G=np.concatenate([s.G for s in plants]),

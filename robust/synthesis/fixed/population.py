@@ -1,8 +1,8 @@
-"""The few parameters of a structure searched everywhere: differential evolution from simple controllers.
+"""A global search over the few parameters of a structure: differential evolution from simple controllers.
 
-A convex step leads to the nearest optimum, and what lies between two of them (a resonance, a demand that is missed in
-the middle) is never passed. The search moves roots and gain in logarithms, so that a controller of it is stable, and
-compares as the design does: demands first, then the goal; what winds wrongly is no candidate.
+A convex step leads to the nearest optimum, and never passes an obstacle between two of them (a resonance, a demand that
+is missed in between). The search moves roots and gain in logarithms, so its controllers are stable. It compares as the
+design does: demands first, then the goal; a wrong winding number excludes a candidate.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 from robust.synthesis.fixed.structures import Basis
 
-_LEAST_DAMPING = 0.05  # of a pair of roots: below it the lines between which it hides decide
-_BEST_SHARE = 0.2  # of the population that the others are drawn to
-_STEPS = (0.3, 0.9)  # how far, and how much of a difference of two others is added
+_LEAST_DAMPING = 0.05  # of a pair of roots: a pair with less damping could hide between two lines
+_BEST_SHARE = 0.2  # best part of the population, to which the others are drawn
+_STEPS = (0.3, 0.9)  # share of that step, and of the added difference of two others
 _PATIENT, _DARING, _SETTLING = 20, 35, 5  # generations with the demands first; with a price on them; and first again
-_PRICES = (3.0, 100.0)  # factors of the goal that one of the worst demand is worth, to begin with and in the end
+_PRICES = (3.0, 100.0)  # price of the worst demand in factors of the goal, at the beginning and at the end
 _MET_FIRST = 1e4  # far above the logarithm of any goal
 
-#: (N, n) parameters to what is compared first, the worst demand, and last, the goal; both (N,).
+#: (N, n) parameters -> the worst demand, which is compared first, and the goal, which is compared last; both (N,).
 Merit = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -36,20 +36,20 @@ def genes_of_roots(zeros: np.ndarray, poles: np.ndarray, gains: np.ndarray) -> n
 
 
 def _roots_of_genes(genes: np.ndarray, degree: int, real: bool) -> np.ndarray:
-    """Return (N, degree) roots of one polynomial, and its genes are the first of those given."""
+    """Return (N, degree) roots of one polynomial, whose genes are the first of the given ones."""
     roots = []
     for k in range(0, degree - 1, 2):
         middle, size = np.exp(genes[:, k]) / 2, np.exp(genes[:, k + 1] / 2)
         middle = np.maximum(middle, size if real else _LEAST_DAMPING * size)
         spread = np.sqrt((middle**2 - size**2).astype(complex))
-        roots += [-(size**2) / (middle + spread), -middle - spread]  # the slow one without a difference
+        roots += [-(size**2) / (middle + spread), -middle - spread]  # the slow one without cancellation
     if degree % 2:
         roots.append(-np.exp(genes[:, degree - 1]) + 0j)
     return np.array(roots).reshape(degree, len(genes)).T
 
 
 def parameters(basis: Basis, genes: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return (N, n) theta of the genes; poles are kept where the structure has them."""
+    """Return (N, n) theta from the genes; poles fixed by the structure are kept."""
     shape = basis.structure
     n_poles = shape.n_poles if shape.free else 0
     zeros = _roots_of_genes(genes, shape.n_zeros, shape.real)
@@ -70,12 +70,12 @@ def evolve(
     merit: Merit,
     allowed: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (2 N, n) parameters, the best ones first, and their genes, of N controllers that are all allowed.
+    """Return (2 N, n) parameters, the best ones first, and their genes, from N controllers that are all allowed.
 
-    box: smallest and largest genes (m,), of controllers that cross over within the band: the goal may have no end.
+    box: smallest and largest genes (m,), of controllers that cross over within the band: the goal may be unbounded.
 
-    Twice: once with the demands before the goal, which stays where they are met to begin with; and once with a price on
-    what they are missed by that rises until nothing is worth it, which goes through where they are not.
+    The search runs twice: once with the demands before the goal, which keeps met demands met; and once with a rising
+    price on their violation, which can pass through regions where they are not met.
     """
     rng = np.random.default_rng(0)
     patient, daring = [np.inf] * _PATIENT, [*np.geomspace(*_PRICES, _DARING), *[np.inf] * _SETTLING]
@@ -103,12 +103,12 @@ def _generations(
     allowed: Callable[[np.ndarray], np.ndarray],
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return (N, m) genes after a generation for each price on what demands are missed by.
+    """Return (N, m) genes after one generation for each price on the violation of demands.
 
     References
     ----------
     Zhang & Sanderson, *JADE: adaptive differential evolution with optional external archive*, IEEE Trans. Evol. Comput.
-    13 (2009): each is drawn to one of the best and takes the difference of two others.
+    13 (2009): each candidate is drawn to one of the best and takes the difference of two others.
     """
     genes, n = genes.copy(), len(genes)
     hard, goal = merit(parameters(basis, genes, signs))
@@ -127,7 +127,7 @@ def _generations(
 
 
 def _costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
-    """Return (N,) logarithm of the goal with that of the worst demand at a price; demands first at an infinite one."""
+    """Return (N,) log of the goal plus price times log of the worst demand; demands first for an infinite price."""
     missed = np.log(np.maximum(hard, 1.0))
     size = np.log(np.maximum(np.abs(goal), 1e-300))
     goal = np.where(goal < 0, -size, size)

@@ -1,12 +1,12 @@
-"""The loops of a matrix closed one after the other by a diagonal controller, and the whole checked in the end.
+"""The loops of a matrix closed one after the other by a diagonal controller, with a final check of the whole.
 
-With the loops C closed by K_C, loop k sees
+With the loops C closed by K_C, the plant of loop k is
 
     G_k = G_kk - G_kC H G_Ck,     H = K_C (1 + G_CC K_C)^-1,
 
 and a change dG of the matrix changes it, to first order, by x' dG z with x' = (1, -G_kC H) and z = (1, -H G_Ck) on the
-channels (k, C). The discs that each loop is designed with are made of that; what they miss (second order, and that all
-loops see the same dG) is left to the check of the whole: where it fails, the discs are widened and all is done again.
+channels (k, C). This gives the discs for the design of each loop. They neglect the second order, and that all loops
+have the same dG; the check of the whole includes both. If it fails, the discs are widened and the design is repeated.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from robust.synthesis.hinf.design import Design
 if TYPE_CHECKING:
     import control
 
-_SWEEPS = 6  # times each loop is designed with the others closed, at most
-_TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
-_WIDENINGS = 3  # times the discs are made wider for the sake of the whole
-_N_LINES = 300  # of a parametric plant, beside those of its modes
-_BAND_EXTENSION = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
+_SWEEPS = 6  # largest number of designs of each loop with the others closed
+_TIGHTENING = 0.97  # factor on the limit of a peak, from one sweep to the next
+_WIDENINGS = 3  # times the discs are widened because of the check of the whole
+_N_LINES = 300  # for a parametric plant, besides those of its modes
+_BAND_EXTENSION = 100.0  # highest frequency for a continuous plant, over its fastest mode and the last measured line
 _CONFIDENCE = 0.95  # of the set around an FRM
 _PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
             "integrators", "filter_time", "stable", "start", "n_starts")  # fmt: skip
@@ -54,18 +54,18 @@ LoopTask: TypeAlias = tuple[Structure, LoopOptions]
 
 @value
 class MatrixOnLines:
-    """A square matrix of plants on lines, and what is uncertain about it.
+    """A square matrix of plants on lines, with its uncertainty.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     G : (W, n, n) complex ndarray
-        Nominal, hold and delay inside.
+        Nominal, hold and delay included.
     left, right : (W, n, p), (W, q, n) complex ndarray
-        G + left Delta right, of a full block.
+        Factors of G + left Delta right, for a full block.
     radius : (W, n, n) ndarray
-        Of the entries each by itself; zero for a full block, as left and right are for these.
+        Radii of single entries; zero for a full block, as left and right are for single entries.
     """
 
     omega: np.ndarray
@@ -75,7 +75,7 @@ class MatrixOnLines:
     radius: np.ndarray
 
     def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
-        """Return what loop k sees with the loops closed that have a controller."""
+        """Return the plant of loop k, with the loops closed that have a controller."""
         G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
         row[:, k] = column[:, k] = 1.0
         C = [j for j in range(len(K)) if K[j] is not None and j != k]
@@ -89,7 +89,7 @@ class MatrixOnLines:
         return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
 
     def with_modes(self, K: list[control.StateSpace | None]) -> MatrixOnLines:
-        """Return the plant with more lines, interpolated, where controllers have lightly damped modes."""
+        """Return the plant with more lines, interpolated, at lightly damped modes of controllers."""
         modes = [controller_mode_lines(one, (self.omega[0], self.omega[-1])) for one in K]
         omega = np.unique(np.concatenate([self.omega, *modes]))
 
@@ -112,7 +112,7 @@ class MatrixOnLines:
 def close_in_turn(
     plant: Bla | UncertaintyModel, structure: Structure | list[Structure], options: LoopOptions
 ) -> Design:
-    """`design_frf` of a matrix: a diagonal controller, loop by loop."""
+    """Return `design_frf` for a matrix: a diagonal controller, loop by loop."""
     dt = _require_plant(plant, options)
     n = plant.n_inputs
     of_loops = {**options, "dt": dt, "delay": 0.0}
@@ -158,7 +158,7 @@ def close_in_turn(
 
 
 def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
-    """Return the sampling time of the controller, where its loops can be closed in turn."""
+    """Return the sampling time of the controller; refuse a plant whose loops cannot be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
             f"plant must have as many inputs as outputs for a diagonal controller, got {plant.n_inputs} inputs and "
@@ -190,7 +190,7 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
 
 
 def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
-    """Structure and demands of one loop: of a list the one that is its own."""
+    """Return structure and demands of one loop; a list has one entry for each loop."""
     own = {**options, "structure": structure}
     for name in (*_PER_LOOP_OPTIONS, "structure"):
         given = own[name]
@@ -201,7 +201,7 @@ def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], opt
 
 
 def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
-    """Return the matrix and its set where it was measured, or where it and its weights have features."""
+    """Return the matrix and its set on measured lines, or at features of it and its weights."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
         factor = hold_and_delay_factor(plant, plant.omega, dt=dt, delay=delay)
@@ -235,17 +235,16 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
 
 
 def _diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
-    """Return (W, n, n) diagonal matrices of (n, W) numbers."""
     return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
 
 
 def _crossover_of(given: float | tuple[float, float] | None) -> float:
-    """Return what a loop is ordered by: the fastest is closed first."""
+    """Return the crossover that orders the loops: the fastest is closed first."""
     return float(np.min(given)) if given is not None else 0.0
 
 
 def _loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
-    """Return a loop by its channels."""
+    """Return the name of a loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
@@ -258,7 +257,7 @@ def _design_loop_k(
     own: LoopTask,
     wider: float,
 ) -> Design:
-    """Return the controller of loop k, begun from the one it has, with the others as they are."""
+    """Return the controller of loop k, started from its present one, with the others unchanged."""
     structure, options = own
     discs = on_lines.seen_from(k, K, wider)
     try:
@@ -273,7 +272,7 @@ def _design_loop_k(
 
 
 def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
-    """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
+    """Return the demands with tighter peaks and crossovers: room for later changes of the other loops."""
     structure, options = own
     M_S, M_T, M_u = (
         None if bound is None else share * bound for bound in (options["M_S"], options["M_T"], options["M_u"])
@@ -290,7 +289,7 @@ def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
 def _evaluate_loop(
     on_lines: MatrixOnLines, k: int, *, K: list[control.StateSpace | None], own: LoopTask, wider: float
 ) -> Design:
-    """Loop k as it is, with all others closed."""
+    """Return loop k unchanged, judged with all others closed."""
     structure, options = own
     as_it_is = {**options, "start": K[k], "n_iterations": 0}
     return design_loop(on_lines.seen_from(k, K, wider), structure, as_it_is)
@@ -304,7 +303,7 @@ def _check_whole_set(
     order: list[int],
     dt: float,
 ) -> tuple[str, float]:
-    """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
+    """Return the reason why the whole set is not stable ("" if it is), and the factor up to which it is stable."""
     if isinstance(plant, UncertaintyModel):
         try:
             report = check(plant, block_diagonal(K, dt))
@@ -312,7 +311,7 @@ def _check_whole_set(
             return f"the whole cannot be checked: {error}", np.nan
         good = report.proofs.robustly_stable
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margins.rs)
-    finer = on_lines.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
+    finer = on_lines.with_modes(K)  # for all controllers: the plant of one loop contains the modes of the others
     for lines in (on_lines, finer):
         if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):
             return why, np.nan
@@ -328,7 +327,7 @@ def _check_whole_set(
 def check_sequential_stability(
     plant: Bla, on_lines: MatrixOnLines, *, K: list[control.StateSpace | None], order: list[int], dt: float
 ) -> str:
-    """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
+    """Return "" if det(1 + G K) has the right winding number: the product over the loops closed in turn."""
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)

@@ -1,4 +1,4 @@
-"""A controller to begin from: simple shapes tried over the band, or one that was given, in the structure asked for."""
+"""A controller to begin from: simple shapes tried over the band, or a given one, in the requested structure."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from robust.synthesis.fixed.structures import Basis
 _CROSSOVERS, _LEADS, _RESETS, _GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
 _INTEGRATOR_LEAKS = (1e-4, 1e-2)
 _MAX_LINES = 100
-_PER_CROSSOVER = 3  # simple controllers of each crossover that the search begins from
-_BEYOND = 1.0  # logarithm of the factor that the search may leave the simple controllers by
-_DISTINCT = 0.5  # logarithm of the factor that some coefficient of two starts differs by
+_PER_CROSSOVER = 3  # simple controllers for each crossover at the start of the search
+_BEYOND = 1.0  # logarithm of the largest factor between the search and the simple controllers
+_DISTINCT = 0.5  # logarithm of the least factor between some coefficient of two starts
 _PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
 
 
@@ -64,7 +64,7 @@ def _simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.
 
 
 def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Parameters of a given controller, as near as the structure comes to it on the lines."""
+    """Return the parameters of the structure closest to a given controller on the lines."""
     s = basis.plane(omega)
     k = response(K0, omega)
     Y, X = basis.Y(s) * basis.integrals(s)[:, None], basis.X(s) * response(basis.fixed, omega)[:, None]
@@ -80,7 +80,7 @@ def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarra
 
 
 def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> tuple[Stability, str]:
-    """Whether K stabilises every plant of the family, by poles or by winding number, and if not, what was found."""
+    """Return if K stabilises every plant of the family, by poles or by winding number, with the reason if not."""
     for i, at in enumerate(family):
         who = f" of plant {i + 1}" if len(family) > 1 else ""
         if at.loop is not None:
@@ -100,9 +100,9 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
 
 
 def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> str:
-    """Say what a plant may be below its first line that the loop is not known to be stable with; empty where nothing.
+    """Describe a continuation of a plant below its first line with which the loop may be unstable; "" without any.
 
-    And what would decide: lines at lower frequency, or the word of the user.
+    The text also names the remedy: lines at lower frequency, or a statement of the user.
     """
     wanted = n_unstable + unstable_poles(K, timebase(K))
     for at in family:
@@ -121,7 +121,7 @@ def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_u
 
 
 def _stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
-    """Return whether every pole of a parametric loop is stable beyond rounding."""
+    """Return the state of a parametric loop, stable if every pole is stable beyond rounding, and the reason if not."""
     closed = replace(loop, K=K)
     try:
         closed_loop(loop.G, K, ("e",), ("r",))
@@ -143,7 +143,7 @@ def find_start(
     positive: bool,
     wanted: int,
 ) -> list[np.ndarray]:
-    """Parameters of stabilising controllers: as many as wanted that evolved, and one that is simple; may be empty."""
+    """Return parameters of stabilising controllers: as many evolved ones as wanted, and a simple one; may be empty."""
     zeros, poles, centres = _simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
     thin[np.unique(np.linspace(0, at.omega.size - 1, _MAX_LINES).astype(int))] = True
@@ -169,7 +169,7 @@ def find_start(
             return hard, thin_aim.measure_between(Y, X, omega)
         return hard, -np.abs((theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1)))
 
-    # the gain that puts |L| = 1 at the line next to the crossover, of either sign, and less of it
+    # the gain that puts |L| = 1 at the line next to the crossover, of either sign, and smaller gains
     k = np.argmin(np.abs(np.log(np.abs(s) / centres[:, None])), axis=1)
     each = np.arange(centres.size)
     theta = parameters(basis, genes_of_roots(zeros, poles, np.ones(centres.size)), np.ones(centres.size))
@@ -198,15 +198,15 @@ def find_start(
     simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
     is_right = partial(_stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable)
     found = _add_distinct([], evolved, own_genes, most=wanted, is_right=is_right)
-    # behind those that evolved a simple one, where the convex steps may go further; all of them where none of the
-    # others is known to be stable: the winding number was guessed
+    # a simple one comes after those that evolved, because convex steps may improve it more; all simple ones if no
+    # evolved one is proved stable, because the winding number was estimated
     return [one for one, _ in _add_distinct(found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right)]
 
 
 def _stabilises(
     basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int, allow_unstable: bool
 ) -> bool:
-    """Return whether parameters are of a controller that stabilises every plant, and is stable where it has to be."""
+    """Return True for a controller that stabilises every plant, and is stable itself if required."""
     K = basis.controller(theta)
     may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
     return may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE
@@ -220,7 +220,7 @@ def _add_distinct(
     most: int,
     is_right: Callable[[np.ndarray], bool],
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return parameters with their genes: those found, and others that are right and unlike them, up to so many."""
+    """Return parameters with their genes: those found, and other valid ones distinct from them, up to a number."""
     found = list(found)
     for theta, own in zip(thetas, genes, strict=True):
         if len(found) >= most:
@@ -231,7 +231,7 @@ def _add_distinct(
 
 
 def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what tells of (N, n) stable controllers whether 1 + L winds as it has to, on the lines of every plant."""
+    """Return a test of (N, n) stable controllers for the right winding number of 1 + L, on the lines of every plant."""
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     plants = []
     for at in family:
@@ -257,7 +257,7 @@ def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> 
                     F = np.hstack([1 + K[:, :n_below] * below, on_lines])
                     turns, clear = count_half_turns(F, n_K + n)
                     out &= np.round(turns) == wanted
-                    if resolved:  # else a guess: the poles decide
+                    if resolved:  # otherwise it is an estimate: the poles decide
                         out &= clear
         return out
 
@@ -265,14 +265,14 @@ def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> 
 
 
 def _barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
-    """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary rounding picks the side it turns."""
+    """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary the winding would be rounding."""
     dt = timebase(G)
     A = G.A * np.exp(-sigma * dt) if dt else G.A - sigma * np.eye(G.nstates)
     return control.ss(A, G.B, G.C, G.D, G.dt)
 
 
 def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> np.ndarray:
-    """Parameters of a controller the user gave, or a refusal when it does not have the structure."""
+    """Return the parameters of a given controller; refuse one without the structure."""
     K0 = state_space("start", start)
     require_sampling_time("start", K0, reference="the design", wanted=basis.dt)
     omega = at.omega[at.omega <= at.highest * (1 + 1e-9)]

@@ -1,7 +1,7 @@
 """Fixed controller structures K = X/Y, linear in their parameters: PID and its parts, lead, lead-lag, any order.
 
 X and Y are polynomials in s over (s + a)^n, with integrators as factors of Y: K = F x(s) / (s^m y(s)), F a known
-factor. Sampled controllers are the same in the plane of the bilinear map, s = 2/T (z - 1)/(z + 1).
+factor. Sampled controllers have the same form in the plane of the bilinear map, s = 2/T (z - 1)/(z + 1).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 
-#: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
+#: The fastest pole of a free denominator over the highest frequency evaluated, and over 2/T if sampled.
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
 _LARGEST_ORDER = 12
-_CONJUGATE = 1e-9  # imaginary part over size up to which a root that was computed is real
+_CONJUGATE = 1e-9  # imaginary part over size up to which a computed root is real
 # zeros, integrators, other poles
 _NAMED_STRUCTURES = {
     "P": (0, 0, 0),
@@ -29,28 +29,28 @@ _NAMED_STRUCTURES = {
     "lead": (1, 0, 1),
     "lead-lag": (2, 0, 2),
 }
-#: Those whose parameters are gains that a PLC takes.
+#: Structures whose parameters are gains of a PLC.
 PID_PARTS = ("P", "I", "PI", "PD", "PID")
 
 
 @value
 class ControllerStructure:
-    """A controller structure of your own: K = x(s) / (s^m y(s)), by its degrees, or with a denominator that is given.
+    """A controller structure of your own: K = x(s) / (s^m y(s)), by its degrees, or with a given denominator.
 
-    The words of `design_frf` ("PID", "lead-lag", ...) are such structures too. A known numerator, a notch or a filter
-    of any order, goes to `design_frf(fixed=)`.
+    The names in `design_frf` ("PID", "lead-lag", ...) are such structures too. A known numerator, for example a notch
+    or a filter of any order, goes to `design_frf(fixed=)`.
 
     Fields
     ------
     n_zeros, n_integrators, n_poles : int
-        Degree of x, of the factor s in the denominator, and of y; as many poles as are given.
+        Degree of x, of the factor s in the denominator, and of y (the number of given poles).
     poles : tuple of complex
-        Roots of y [rad/s] where the denominator is given, stable, complex ones in pairs; none: y is free. A sampled
+        Roots of y [rad/s] if the denominator is given: stable, complex ones in pairs; none: y is free. A sampled
         controller has them at z = (1 + p dt/2)/(1 - p dt/2).
     real : bool
-        Every zero and pole real and stable, as of "lead" and "lead-lag".
+        Every zero and pole is real and stable, as for "lead" and "lead-lag".
     name : str
-        What messages call it.
+        Name in messages.
 
     Raises
     ------
@@ -100,19 +100,19 @@ class ControllerStructure:
 
     @property
     def order(self) -> int:
-        """Number of states."""
+        """Return the number of states."""
         return self.n_integrators + self.n_poles
 
     @property
     def free(self) -> bool:
-        """Whether y has anything to choose."""
+        """Return True if y has free parameters."""
         return self.n_poles > 0 and not self.poles
 
 
 def structure_of(
     name: str | int | ControllerStructure, integrators: int, filter_time: float | None
 ) -> ControllerStructure:
-    """Return the structure asked for by a word or an order, or one that was given; or a refusal."""
+    """Return the structure for a name or an order, or a given one; refuse others."""
     if isinstance(name, ControllerStructure):
         if integrators or filter_time is not None:
             raise ValueError("integrators and filter_time must be left out with a ControllerStructure: it has its own")
@@ -163,7 +163,7 @@ class Basis:
     dt : float
         Sampling time [s]; 0 for continuous.
     slowest, fastest : float
-        Smallest and largest |pole| of a free denominator [rad/s], in the plane of the bilinear map where sampled.
+        Smallest and largest |pole| of a free denominator [rad/s]; if sampled, in the plane of the bilinear map.
     fixed : control.StateSpace
         The known factor F, on the same time base.
     """
@@ -177,12 +177,12 @@ class Basis:
 
     @property
     def n_y(self) -> int:
-        """Parameters of Y: its scale where it is fixed."""
+        """Return the number of parameters of Y; one, its scale, if its poles are fixed."""
         return self.structure.n_poles + 1 if self.structure.free else 1
 
     @property
     def n_x(self) -> int:
-        """Parameters of X."""
+        """Return the number of parameters of X."""
         return self.structure.n_zeros + 1
 
     def plane(self, omega: np.ndarray) -> np.ndarray:
@@ -190,7 +190,7 @@ class Basis:
         return 1j * (2 / self.dt * np.tan(np.asarray(omega) * self.dt / 2) if self.dt else np.asarray(omega))
 
     def Y(self, s: np.ndarray) -> np.ndarray:
-        """(W, n_y) columns of y(s) s^m / (s + a)^(order), without the integrators' s^m / (s + a)^m: see `integrals`."""
+        """Return (W, n_y) columns of y(s) s^m/(s + a)^order without the integrators' s^m/(s + a)^m: see `integrals`."""
         if self.structure.free:
             return self.powers(s, self.structure.n_poles)
         poles = np.array(self.structure.poles, dtype=complex)
@@ -236,7 +236,7 @@ class Basis:
         return np.linalg.solve(np.power(q[:, None], np.arange(degree + 1)), values).real.T
 
     def polynomial(self, part: np.ndarray) -> np.ndarray:
-        """Return (degree + 1,) coefficients in s/a, highest power first, of what a part of theta stands for."""
+        """Return (degree + 1,) coefficients in s/a, highest power first, of the polynomial for a part of theta."""
         total = np.zeros(part.size)
         for k, c in enumerate(part):
             up, down = np.poly(np.ones(k)), np.poly(-np.ones(part.size - 1 - k))
@@ -244,7 +244,7 @@ class Basis:
         return total
 
     def roots(self, part: np.ndarray) -> np.ndarray:
-        """Roots in s of a part of theta; those at infinity left out."""
+        """Return the roots in s for a part of theta, without those at infinity."""
         found = np.roots(part[::-1]) if np.any(part) else np.zeros(0)
         missing = part.size - 1 - found.size  # at q = infinity
         far = np.abs(1 - found) < 1e-7
@@ -252,10 +252,10 @@ class Basis:
         return np.concatenate([s, np.full(missing, -self.a)])
 
     def gain_rows(self) -> np.ndarray:
-        """Return (Q, n) rows @ theta are Kp, Ki and Kd, as many as the structure has, each times a positive number.
+        """Return (Q, n), rows @ theta are Kp, Ki and Kd, as many as the structure has, each times a positive number.
 
-        K = x(s) / (s^m (Tf s + 1)) is a PID whose gains are linear in x where Tf is given: from the lowest power on,
-        each coefficient of x has in it the gain before times Tf.
+        K = x(s) / (s^m (Tf s + 1)) is a PID whose gains are linear in x for a given Tf: from the lowest power on, each
+        coefficient of x contains the previous gain times Tf.
         """
         shape = self.structure
         if shape.name not in PID_PARTS or shape.free:
@@ -268,18 +268,18 @@ class Basis:
         return np.hstack([np.zeros((self.n_x, self.n_y)), np.array(rows)])
 
     def known_modes(self) -> control.StateSpace:
-        """Return a system with the poles that every controller of the structure has, but for its integrators."""
+        """Return a system with the poles that every controller of the structure has, except its integrators."""
         y = np.array(self.structure.poles, dtype=complex)
         y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
         return in_series(from_roots(np.zeros(0), order_roots(y, _CONJUGATE), 1.0, self.dt), self.fixed, dt=self.dt)
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Zeros and poles of K without its known factor, in the s plane."""
+        """Return zeros and poles of K without its known factor, in the s plane."""
         y = self.roots(theta[: self.n_y]) if self.structure.free else np.array(self.structure.poles, dtype=complex)
         return self.roots(theta[self.n_y :]), np.concatenate([np.zeros(self.structure.n_integrators), y])
 
     def controller(self, theta: np.ndarray) -> control.StateSpace:
-        """K = F X / Y, realised section by section."""
+        """Return K = F X / Y, realised section by section."""
         x, y = self.zeros_and_poles(theta)
         s0 = self.plane(np.array([self.omega_mid]))
         wanted = (self.X(s0) @ theta[self.n_y :] / (self.Y(s0) @ theta[: self.n_y] * self.integrals(s0)))[0]
@@ -294,5 +294,5 @@ class Basis:
 
     @property
     def omega_mid(self) -> float:
-        """The frequency [rad/s] that the basis pole stands for."""
+        """Return the frequency [rad/s] of the basis pole."""
         return 2 / self.dt * float(np.arctan(self.a * self.dt / 2)) if self.dt else self.a

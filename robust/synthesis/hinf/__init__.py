@@ -1,10 +1,10 @@
 """H-infinity synthesis: controllers from Riccati equations.
 
 descent            scalings of D-K iteration moved along the gradient of the least norm
-design             `Design`: a controller and the level it reaches
+design             `Design`: a controller and its level
 dk                 D-K iteration: several uncertainties and a performance
-generalised_plant  the plant made ready: hidden modes refused, scaled, regular, normalised; and K taken back
+generalised_plant  the plant in the form of the equations: scaled, regular, normalised, no hidden modes; and K back
 hinfsyn            any generalised plant
-mixsyn             weighted S, K S and T made small together
+mixsyn             least norm of weighted S, K S and T
 ncfsyn             loop shaping by Glover and McFarlane
 """

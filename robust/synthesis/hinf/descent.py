@@ -1,8 +1,8 @@
 """Scalings of D-K iteration moved along the gradient of the norm that the best controller for them reaches.
 
-Synthesis and scalings in turn go on by ever smaller steps where the norm would fall if both moved together. The least
-norm over all controllers is a function of the scalings alone. It falls by quasi-Newton steps (BFGS) in the logarithms
-of their gains, of the frequencies and dampings of their zeros and poles, by difference quotients.
+Synthesis and scalings in turn make ever smaller steps even where the norm would fall if both moved together. The least
+norm over all controllers is a function of the scalings alone. It is lowered by quasi-Newton steps (BFGS) in the
+logarithms of their gains and of the frequencies and dampings of their zeros and poles, with difference quotients.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from robust.models.fit.refinement import section_logarithms, zeros_and_poles
 from robust.synthesis.hinf.generalised_plant import dual_plant, has_zero_on_axis, normalise_plant, prepare_plant
 from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
 
-_STEP = 1e-4  # of a logarithm, for the difference quotient
-_FIRST_STEP = 0.1  # of all logarithms together, before anything is known of the curvature
-_SHORTENINGS = 8  # of a step, to a third each time
+_STEP = 1e-4  # step of a logarithm for the difference quotient
+_FIRST_STEP = 0.1  # norm of the first step in the logarithms, before the curvature is known
+_SHORTENINGS = 8  # reductions of a step, to a third each time
 _EQUAL = 0.05  # largest difference of the logarithms of scalings that are kept equal
 _NEAR, _FAR, _LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a level, relative to it
 
@@ -30,9 +30,9 @@ _NEAR, _FAR, _LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a l
 def descend(
     least_norm: Callable[[list[control.StateSpace]], float], scaling: list[control.StateSpace]
 ) -> Iterator[list[control.StateSpace]]:
-    """Yield ever better scalings, one for each step; none any more where no step is better.
+    """Yield better scalings, one set for each step, until no step is better.
 
-    least_norm : of scalings, the last one (of the performance, which stays one) left out.
+    least_norm : function of the scalings without the last one (of the performance, which stays one).
     """
     dt = timebase(scaling[0])
     groups = _equal_scalings(scaling)
@@ -74,7 +74,7 @@ def descend(
 
 
 def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float:
-    """Return the least norm that a controller of a regular problem reaches, from near it; inf of a singular one."""
+    """Return the least norm of a controller for a regular problem, searched from near it; inf for a singular one."""
     plant = normalise_plant(prepare_plant(P, n_y, n_u))
     if plant is None or any(map(has_zero_on_axis, (plant, dual_plant(plant)))):
         return np.inf
@@ -94,7 +94,7 @@ def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float
 
 
 def _updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Return the inverse Hessian of BFGS after a step and the change of the gradient, where that is of use."""
+    """Return the inverse Hessian of BFGS after a step and the change of the gradient, if the step is usable."""
     along = float(moved @ change)
     if not along > 1e-10 * np.linalg.norm(moved) * np.linalg.norm(change):
         return inverse
@@ -103,7 +103,7 @@ def _updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray)
 
 
 def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
-    """Return which blocks have the same scaling, as fits of the same data nearly have; without the last."""
+    """Return groups of blocks with nearly the same scaling, as from fits of the same data; without the last block."""
     dt = timebase(scaling[0])
     x = 1j * np.geomspace(1e-6, 1e6, 200)
     points = (1 + x) / (1 - x) if dt else x
@@ -119,7 +119,7 @@ def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
 
 
 def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
-    """Return the parameters of a stable minimum-phase system, log gain, zeros and poles, and its order."""
+    """Return the parameters of a stable minimum-phase system (log gain, zeros, poles) and its order."""
     A, B, C, D = continuous_image(system)
     zeros, poles = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)), np.linalg.eigvals(A)
     parts = [np.log(np.abs(D[0])), section_logarithms(zeros), section_logarithms(poles)]
@@ -127,6 +127,6 @@ def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
 
 
 def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
-    """Return the system of these parameters."""
+    """Return the system with these parameters."""
     roots = zeros_and_poles(parameters[1:], order)
     return from_roots(*map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt)

@@ -1,4 +1,4 @@
-"""``Design``: a controller, and the level it reaches."""
+"""``Design``: a controller and the level it reaches."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from robust.proofs.search.certificate import Certificate
 
 
 def describe_controller(K: control.StateSpace) -> str:
-    """Return the order and the clock of a controller in words."""
+    """Describe the order and the sampling of a controller."""
     return f"controller of order {K.nstates}, {f'sampled at {1 / K.dt:g} Hz' if K.dt else 'continuous'}"
 
 
 class Unpacked:
-    """What unpacks as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
+    """Base of results that unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
 
     K: control.StateSpace
     CL: control.StateSpace | None
@@ -32,41 +32,42 @@ class Unpacked:
 
 @value
 class Design(Unpacked):
-    """A controller and how good it is by its own measure; unpacks as K, CL, gamma, info = ncfsyn(G).
+    """A controller with its level; unpacks as K, CL, gamma, info = ncfsyn(G).
 
     Fields
     ------
     K : control.StateSpace
         Controller for the unweighted plant, negative feedback: u = K (r - y).
     gamma : float
-        Achieved norm, recomputed from the closed loop; inf where the loop is not stable, nan where no
-        weight was given. With a `certificate` that holds the norm is proved to be below it; else gamma is only what was
-        computed.
+        Achieved norm, recomputed from the closed loop; inf if the loop is not stable, nan without a weight. With a
+        `certificate` that holds, the norm is proved to be below it; otherwise gamma is only computed.
     gamma_min : float
-        No controller reaches less; nan where no such level is known.
+        No controller reaches less; nan if no such level is known.
     met : bool
-        Whether every demand that had to be met is met by K, recomputed (of `design_frf` to 0.1 %, on the lines and
-        wherever the controller or its loop has features between them; see `n_lines`).
+        True if K meets every hard demand, recomputed (for `design_frf` to 0.1 %, on the lines and wherever the
+        controller or its loop has features between them; see `n_lines`).
     reason : str
-        Why the design ended, or which demand is in the way and where.
+        Reason why the design ended, or the demand that is not met and its frequency.
     certificate : Certificate or None
-        The proof of gamma, from plant and controller as they are given, or why there is none; None of a gamma on the
-        lines of an FRF.
+        The proof of gamma, from plant and controller as given, or the reason why there is none; None if gamma refers to
+        the lines of an FRF.
     CL : control.StateSpace or None
-        The closed loop whose norm gamma is: of `mixsyn` from r to the weighted e, u and y, of `ncfsyn` from the
-        perturbations (p_out, p_in) of the shaped plant to its (u, y). None of a design on the lines of an FRF.
+        The closed loop with the norm gamma: for `mixsyn` from r to the weighted e, u and y, for `ncfsyn` from the
+        perturbations (p_out, p_in) of the shaped plant to its (u, y). None for a design on the lines of an FRF.
     crossovers : tuple of float
-        Where |L| = 1 of the nominal [rad/s], of every plant of a family; of `design_frf` for a single loop.
+        Frequencies with |L| = 1 [rad/s], for the nominal and for every plant of a family; from `design_frf` for one
+        loop.
     omega_c : tuple of float
-        Crossover that `design_frf` was asked for [rad/s]: at least the first, at most the second; empty without.
+        Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty without.
     peak_S, peak_T : float
-        Largest |S| and |T| of the nominal on the lines; nan where they were not computed.
+        Largest |S| and |T| of the nominal on the lines; nan if they were not computed.
     stability : Stability or None
-        Of `design_frf`: whether every plant is stable with K; undecided where its FRF leaves that open. None elsewhere.
+        From `design_frf`: stability of every plant with K; undecided if its FRF leaves that open. None elsewhere.
     n_lines : int
-        Lines of an FRF on which it is met, or gamma holds, where a mode between two may miss it; 0 where none may.
+        Number of lines of an FRF on which the demands are met, or gamma holds, if a mode between two lines may violate
+        them; 0 if none may.
     history : tuple of float
-        gamma, or the worst demand while one was not met, after every iteration.
+        gamma after every iteration, or the worst demand as long as one was not met.
 
     References
     ----------
@@ -106,14 +107,14 @@ class Design(Unpacked):
 
     @property
     def limits_in_words(self) -> str:
-        """Whether the limits are met."""
+        """Describe if the limits are met."""
         if self.stability is Stability.UNDECIDED:
             return "STABILITY NOT DECIDED"
         return f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}" if self.met else "LIMITS NOT MET"
 
     @property
     def loop_in_words(self) -> str:
-        """Where the nominal loop crosses over, and its largest |S| and |T|; empty where they were not computed."""
+        """Describe the crossover of the nominal loop, and its largest |S| and |T|; empty if not computed."""
         if np.isnan(self.peak_S):
             return ""
         at = [format_hertz(omega) for omega in self.crossovers]
@@ -126,5 +127,5 @@ class Design(Unpacked):
 
     @property
     def certified(self) -> bool:
-        """Whether gamma is proved to be a bound on the norm."""
+        """True if gamma is proved to be a bound on the norm."""
         return self.certificate is not None and self.certificate.holds

@@ -1,9 +1,9 @@
 """D-K iteration: a controller for several uncertainties and a performance, by synthesis and scalings in turn.
 
 Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that controller, and fits
-them by stable, minimum-phase functions of limited order. Neither half worsens the bound, but together they become slow;
-then the scalings are moved along the gradient of the least norm (`robust.synthesis.hinf.descent`). What is returned is
-the best loop seen, judged by mu with the structure as it is.
+them by stable, minimum-phase functions of limited order. Neither half increases the bound, but their progress becomes
+slow; then the scalings are moved along the gradient of the least norm (`robust.synthesis.hinf.descent`). The result is
+the best loop found, judged by mu with the original structure.
 """
 
 from __future__ import annotations
@@ -40,36 +40,36 @@ from robust.synthesis.hinf.mixsyn import weight_on_time_base
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_FIT_TOLERANCE = 1.01  # gain with fitted scalings over that with the wanted ones that is good enough for a lower order
-_CHANGE_OUTSIDE = 0.01  # of the change of the scalings, what lies outside of the band where they are fitted
+_FIT_TOLERANCE = 1.01  # gain with fitted over wanted scalings at which a lower order is accepted
+_CHANGE_OUTSIDE = 0.01  # share of the change of the scalings outside the band of their fit
 _N_FITTED = 150
-_SYNTHESIS_FACTOR = 1.001  # of the least norm: ten times as much is seen in mu
+_SYNTHESIS_FACTOR = 1.001  # gamma over the least norm: ten times that excess shows in mu
 _LEAST_PROGRESS = 1e-3  # fall of mu below which a round does not count
-_PATIENCE = 1  # such rounds in a row that are borne: fits are not always as good
+_PATIENCE = 1  # such rounds in a row that are tolerated: the quality of fits varies
 _SLOW_PROGRESS = 0.01  # fall of mu below which the scalings are moved along the gradient instead
-_STRETCH, _LONGEST_STRETCH = 2.0, 8.0  # how much farther the scalings are moved after a round that was better
+_STRETCH, _LONGEST_STRETCH = 2.0, 8.0  # growth of the step of the scalings after a better round, and its limit
 
 
 @value
 class DkDesign(Unpacked):
-    """What D-K iteration found; unpacks as K, CL, mu, info = dk_iteration(P, ...).
+    """Result of D-K iteration; unpacks as K, CL, mu, info = dk_iteration(P, ...).
 
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (of a set u = K (r - y), its usual loop); zero where none was found.
+        u = K y, positive feedback through P (for a set u = K (r - y), its usual loop); zero if none was found.
     mu : float
         Peak of the upper bound over omega with this controller; inf without one.
     omega, curve : (W,) ndarray
         Frequencies [rad/s] and the bound there.
     history : tuple of (float, float, int)
-        For each round the norm of the synthesis, the peak of mu, and the order of the scalings it was made with.
+        For each round the norm of the synthesis, the peak of mu, and the order of its scalings.
     certificate : Certificate
-        mu proved at all frequencies, one per cent above its peak; or why not.
+        mu proved at all frequencies, one per cent above its peak; or the reason why not.
     reason : str
-        Why the iteration ended.
+        Reason why the iteration ended.
     CL : control.StateSpace or None
-        F_l(P, K), closed but for the blocks; None where no controller was found.
+        F_l(P, K), closed except for the blocks; None if no controller was found.
 
     References
     ----------
@@ -77,7 +77,7 @@ class DkDesign(Unpacked):
 
     Examples
     --------
-    A lag with half its gain unknown, and an error that is to stay under two everywhere:
+    A lag with half its gain unknown, and an error that has to stay below two everywhere:
 
     >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
     >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
@@ -132,29 +132,32 @@ def dk_iteration(
 ) -> DkDesign:
     """Synthesise a controller that keeps mu small.
 
+    Use this for several uncertainties, or for robust performance with several channels.
+
     Parameters
     ----------
     P : UncertaintyModel, UncertainSystem or control.StateSpace
-        A set of several channels; an `interconnection` without the controller; or a system from (what the perturbations
-        and the performance drive, u) to (what they read, y).
+        A set with several channels; an `interconnection` without the controller; or a system from (inputs of the
+        perturbations and of the performance, u) to (their outputs, y).
     blocks : list
-        As for `robust.mu.upper`, of a system; the performance is a full block. Repeated and real blocks are designed
-        for as full complex ones, and judged as what they are.
+        For a system, as in `robust.mu.upper`; the performance is a full block. Repeated and real blocks are treated as
+        full complex ones in the design, and by their kind in the final bound.
     n_y, n_u : int
-        Of a system or an interconnection: how many of the last outputs are measured, of the last inputs controlled.
+        For a system or an interconnection: number of the last outputs that are measured, and of the last inputs that
+        are controlled.
     w_P, w_u : control system or float, optional
-        Of a set, the performance: mu < 1 keeps the norm of [w_P S; w_u K S] under one for all its plants. One weight
-        for all channels alike, or a matrix that takes them all; w_P has to be given.
+        Performance for a set: mu < 1 keeps the norm of [w_P S; w_u K S] below one for all its plants. One weight for
+        all channels, or a matrix for all of them; w_P is required.
     order : int
-        Largest order of a scaling; lower ones are taken where they come close.
+        Largest order of a scaling; a lower one is taken if it comes close.
     n_rounds : int
-        Most rounds. They end before where mu falls by less than 0.001 in two of them.
+        Largest number of rounds. They end earlier if mu falls by less than 0.001 in two of them.
     mu_min : float
-        Level that is good enough: no round is made below it.
+        Sufficient level: no round is made below it.
     most_states : int, optional
-        Largest order of K: what the rounds found is reduced to it where it is higher, and judged anew.
+        Largest order of K: a higher one is reduced to it, and mu is computed again.
     omega : (W,) ndarray, optional
-        Frequencies [rad/s] for mu; chosen from the poles of the loop when not given.
+        Frequencies [rad/s] for mu; by default chosen from the poles of the loop.
 
     Returns
     -------
@@ -190,10 +193,11 @@ def dk_iteration(
 
     Notes
     -----
-    Without omega the frequencies are those of the poles of the loop of each round. Each round also tries scalings that
-    are moved farther than the loop wants, as round after round moves them the same way. From the first round that gains
-    less than 0.01 on, a round is a step along the gradient. Of the distillation column of SP 8.11.3 (there 8.12.4, from
-    1.18 to 1.02 and lower; 0.974 is the least known) it makes 1.18, 1.035, 1.027, 1.016, 0.989 and 0.980 in eleven.
+    Without omega the frequencies are those of the poles of the loop of each round. Each round also tries scalings moved
+    farther than the loop requires, because successive rounds move them in the same direction. After the first round
+    that gains less than 0.01, each round is a step along the gradient. For the distillation column of SP 8.11.3 (there
+    8.12.4, from 1.18 to 1.02 and lower; the least known value is 0.974) the rounds reach 1.18, 1.035, 1.027, 1.016,
+    0.989 and 0.980 in eleven.
     """
     if has_several_channels(P):
         P, blocks, n_y, n_u = _performance_plant(P, w_P, w_u=w_u, blocks=blocks)
@@ -254,7 +258,7 @@ def dk_iteration(
 
 @value(copy=False)
 class _Attempt:
-    """A loop, the norm of its synthesis, and the scalings that it was made with: their order, how far they moved."""
+    """A loop, the norm of its synthesis, and the scalings behind it: their order, the size of their move."""
 
     design: DkDesign
     gamma: float
@@ -274,7 +278,7 @@ def _alternate(
     omega: ArrayLike | None,
     best: float,
 ) -> tuple[list[_Attempt], str]:
-    """Return the loops with scalings that the last one wants, the first time without any; or why there is none."""
+    """Return the loops with the scalings for the last one, the first time without any; or the reason of a failure."""
     is_first, failed = not np.isfinite(last.design.mu), ""
     tried: list[_Attempt] = []
     stretch = 1.0 if not last.order else min(_STRETCH * last.share, _LONGEST_STRETCH)
@@ -302,7 +306,7 @@ def _attempt(
     order: int,
     share: float = 1.0,
 ) -> tuple[list[_Attempt], str]:
-    """Return the loop with the controller of the scaled plant, or why there is none."""
+    """Return the loop with the controller of the scaled plant, or the reason of a failure."""
     found = synthesise(_scaled_plant(P, scaling, s, sizes), *sizes, factor=_SYNTHESIS_FACTOR)
     if not found.found:
         return [], f"synthesis found nothing: {found.reason}"
@@ -316,7 +320,7 @@ def _attempt(
 def _start_descent(
     P: control.StateSpace, best: _Attempt, *, s: BlockStructure, sizes: tuple[int, int]
 ) -> Iterator[list[control.StateSpace]]:
-    """Return the scalings that follow from those of the best loop along the gradient of the least norm."""
+    """Yield scalings from those of the best loop along the gradient of the least norm."""
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
@@ -336,7 +340,7 @@ def _move_scalings(
     blocks: Blocks,
     omega: ArrayLike | None,
 ) -> tuple[list[_Attempt], str]:
-    """Return the loop with the scalings of the next step, or why there is none."""
+    """Return the loop with the scalings of the next step, or the reason why there is none."""
     functions = next(moves, None)
     if functions is None:
         return [], "mu did not fall any more"
@@ -355,7 +359,7 @@ def _reduce_by_mu(
     blocks: Blocks,
     omega: ArrayLike | None,
 ) -> DkDesign:
-    """Return the loop of least mu with a controller of n states, truncated by what the scaled loop sees of it."""
+    """Return the loop of least mu with a controller of n states, truncated with the weight of the scaled loop."""
     K, (n_y, n_u), scaled = best.design.K, sizes, _scaled_plant(P, best.scaling, s, sizes)
     n_w, n_z = scaled.ninputs - n_u, scaled.noutputs - n_y
     ports = (
@@ -365,7 +369,7 @@ def _reduce_by_mu(
     twice = control.StateSpace(
         scaled.A, scaled.B[:, ports[0]], scaled.C[ports[1]], scaled.D[np.ix_(ports[1], ports[0])], scaled.dt
     )
-    A, B, C, D = continuous_image(lower_lft(twice, K))  # from w and what is added to u, to z and y
+    A, B, C, D = continuous_image(lower_lft(twice, K))  # from w and the signal added to u, to z and y
     before, behind = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w]), (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
     found = _empty_design(P, n_y, n_u)
     for _, order, small in weighted_candidates(continuous_image(K), before, behind):
@@ -379,7 +383,7 @@ def _reduce_by_mu(
 
 
 def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:
-    """How far the scalings are moved, and the largest order of their fits; below one where nothing else was better."""
+    """Return steps of the scalings with largest orders of their fits; steps below one are for lack of progress."""
     if is_first:
         return [(1.0, 0)]
     whole = [(1.0, order)] if stretch <= 1 else [(stretch, order), (1.0, order)]
@@ -389,7 +393,7 @@ def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[
 def _performance_plant(
     model: UncertaintyModel, w_P: Weight | None, *, w_u: Weight | None, blocks: Blocks | None
 ) -> tuple[control.StateSpace, Blocks, int, int]:
-    """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
+    """Return the generalised plant of a set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
         raise ValueError("w_P must be given for an UncertaintyModel, and no blocks: they are its own")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
@@ -403,7 +407,7 @@ def _performance_plant(
 def _open_interconnection(
     system: UncertainSystem, blocks: Blocks | None, *, n_y: int, n_u: int
 ) -> tuple[control.StateSpace, Blocks]:
-    """Return P and blocks of an interconnection whose last inputs and outputs are those of the controller."""
+    """Return P and blocks of an interconnection whose last inputs and outputs belong to the controller."""
     performance = len(system.outputs) - n_y, len(system.inputs) - n_u
     if blocks is not None:
         raise ValueError("blocks must be left out for an interconnection, which has its own")
@@ -417,7 +421,7 @@ def _open_interconnection(
 
 
 def _empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
-    """Return what there is before the first round."""
+    """Return the result before the first round."""
     return DkDesign(
         K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
         mu=np.inf,
@@ -430,7 +434,7 @@ def _empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
 
 
 def _judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
-    """Return the loop with a controller, by the upper bound of mu with the structure as it is."""
+    """Return the loop with a controller, judged by the upper bound of mu with the original structure."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
     curve = upper(response_by_channel(N, at), blocks).value
@@ -438,7 +442,6 @@ def _judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks
 
 
 def _identity_scaling(dt: float) -> Scaling:
-    """Return the scaling to begin with."""
     one = control.StateSpace([], [], [], [[1.0]], dt)
     return one, one
 
@@ -446,7 +449,7 @@ def _identity_scaling(dt: float) -> Scaling:
 def _scaled_plant(
     P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int]
 ) -> control.StateSpace:
-    """D_L P D_R^-1 from one function per block with its inverse, y and u as they are."""
+    """Return D_L P D_R^-1 from one function per block with its inverse, y and u unscaled."""
     dt = timebase(P)
     left = [d for (d, _), row in zip(scaling, s.rows, strict=True) for _ in range(row.stop - row.start)]
     right = [d for (_, d), col in zip(scaling, s.cols, strict=True) for _ in range(col.stop - col.start)]
@@ -457,10 +460,10 @@ def _scaled_plant(
 def fit_scalings(
     found: DkDesign, P: control.StateSpace, *, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
 ) -> tuple[list[Scaling], int]:
-    """Functions for the scalings that a loop wants, the last block unscaled, and their order: the lowest that does.
+    """Return the fitted scalings for a loop, the last block unscaled, and their order: the lowest that suffices.
 
-    From the scalings that it was made with (`scaling`) to its own the logarithms are moved `stretch` times the way:
-    round after round they move the same way by a little.
+    The logarithms move from the previous scalings (`scaling`) `stretch` times the way to the wanted ones: successive
+    rounds move them by a little in the same direction.
     """
     omega, dt = found.omega, timebase(P)
     response_ = response_by_channel(lower_lft(P, found.K), omega)
@@ -484,7 +487,7 @@ def fit_scalings(
 
 
 def _resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and scalings (blocks, W) to fit, in even steps where they change and a decade to either side."""
+    """Return frequencies and scalings (blocks, W) to fit, in even steps where they change and a decade beyond."""
     change = np.append(0.0, np.cumsum(np.abs(np.diff(np.log(d), axis=1)).sum(axis=0)))
     if not change[-1] > 0:
         return omega, d
@@ -500,7 +503,7 @@ def _scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
 
 
 def _scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Return (W,) largest singular value with one number per block and frequency as scalings."""
+    """Return (W,) largest singular value with one number per block and frequency as scaling."""
     left, right = (np.repeat(d, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
     scaled = left[:, None] * response_ / right[None]
     return np.asarray(np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)))

@@ -1,4 +1,4 @@
-"""The generalised plant of a synthesis in the form its equations ask for, and the way back for the controller.
+"""The generalised plant of a synthesis in the form that its equations require, and the way back for the controller.
 
 Continuous time, numbers near one, no path from u to y without dynamics, D12 = [0; I] and D21 = [0 I].
 """
@@ -15,34 +15,34 @@ from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
 from robust.lti.norms import EPS, from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
 from robust.lti.stability import eigenvalues_with_rounding
 
-#: Of the largest singular value: below it a direction of the channels has no effect of its own.
+#: Singular value over the largest one, below which a direction of the channels has no effect of its own.
 _RANK_TOLERANCE = 1e-10
 
 
 @value
 class Plant:
-    """Continuous image of a generalised plant, D22 removed, with what has to be undone for its controller.
+    """Continuous image of a generalised plant, D22 removed, with the data to undo this for its controller.
 
     Fields
     ------
     A, B1, B2, C1, C2, D11, D12, D21 : ndarray
         From (w, u) to (z, y).
     speed : float
-        Time was scaled by it [rad/s].
+        Factor of the time scaling [rad/s].
     first : (n_u, n_y) ndarray
         Feedback closed before the bilinear map, to keep poles away from z = -1.
     D22, D22_image : (n_y, n_u) ndarray
         Direct terms removed before and after the bilinear map.
     into_u, out_of_y : ndarray
-        Controller of the plant with fewer or scaled u and y to that of the plant itself: into_u K out_of_y.
+        Factors that take the controller for reduced or scaled u and y to the plant itself: into_u K out_of_y.
     dt : float
         Sampling time [s], 0 for continuous.
     region : tuple of float
-        Ends of the circle that was mapped onto the axis, in scaled time; empty: none.
+        Real ends of the circle that was mapped onto the axis, in scaled time; empty: none.
     D22_region : (n_y, n_u) ndarray
         Direct term removed after that.
     added : bool
-        Whether small outputs of u or disturbances of y were added.
+        True if small outputs of u or disturbances of y were added.
     """
 
     A: np.ndarray
@@ -66,7 +66,7 @@ class Plant:
 
 
 def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
-    """P in continuous time with D22 = 0, its time and its states scaled to numbers near one."""
+    """Return P in continuous time with D22 = 0, with time and states scaled to numbers near one."""
     dt = timebase(P)
     w, z = P.ninputs - n_u, P.noutputs - n_y
     A, B, C, D = P.A, P.B, P.C, P.D.copy()
@@ -106,7 +106,7 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
 def compress_channels(plant: Plant) -> Plant:
     """Return the plant with only those combinations of u and y that act and measure independently.
 
-    Two equal actuators become one, a measurement of nothing is left out.
+    Two equal actuators become one; a measurement without content is left out.
     """
     into_u = _independent_directions(np.vstack([plant.B2, plant.D12]))
     out_of_y = _independent_directions(np.hstack([plant.C2, plant.D21]).T).T
@@ -134,7 +134,7 @@ def _shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.n
 
 
 def _scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Time in the geometric mean of the poles; states so that rows of [A B] and columns of [A; C] have like sizes."""
+    """Scale time by the geometric mean of the poles, and states to similar rows of [A B] and columns of [A; C]."""
     if not A.size:
         return A, B, C, 1.0
     A, B, C = scale_states(A, B, C)
@@ -155,16 +155,16 @@ def _scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarra
 
 
 def hidden_mode(plant: Plant) -> str:
-    """Empty where u and y reach every mode that is not stable, else which they do not.
+    """Return "" if u and y reach every mode that is not stable, otherwise a description of the hidden one.
 
-    Ranks depend neither on the units of states and channels nor on those of time: rows and columns are scaled alike.
+    Ranks depend neither on the units of states and channels nor on the unit of time: rows and columns are scaled.
     """
     A, n = plant.A, plant.A.shape[0]
     for mode, moved in zip(*eigenvalues_with_rounding(A), strict=True):
         if mode.real < -1e-9 * max(1.0, abs(mode)) or mode.imag < 0:
             continue
         away = A - mode * np.eye(n)
-        np.fill_diagonal(away, np.where(np.abs(np.diag(away)) > moved, np.diag(away), 0.0))  # rounding is no path
+        np.fill_diagonal(away, np.where(np.abs(np.diag(away)) > moved, np.diag(away), 0.0))  # rounding is not a path
         for matrix, description in (
             (np.hstack([away, plant.B2]), "u does not reach"),
             (np.vstack([away, plant.C2]), "y misses"),
@@ -186,10 +186,10 @@ def rank_margin(matrix: np.ndarray) -> float:
 
 
 def map_region(plant: Plant, a: float, b: float) -> Plant:
-    """Return the plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
+    """Return the plant with the circle through a and b in place of the axis: the norm is taken inside or outside it.
 
-    A disc in the right half plane (0 < a < b) asks for less than the half plane: its least norm is a lower bound. All
-    but a disc in the left half plane (b < a < 0) asks for more: its controllers are good, and keep the poles in that
+    A disc in the right half plane (0 < a < b) requires less than the half plane: its least norm is a lower bound. All
+    but a disc in the left half plane (b < a < 0) requires more: its controllers are valid, and keep the poles in that
     disc. Zeros of the plant on the axis and at infinity lie on neither circle.
     """
     n_w, n_z = plant.B1.shape[1], plant.C1.shape[0]
@@ -213,7 +213,7 @@ def map_region(plant: Plant, a: float, b: float) -> Plant:
 
 
 def dual_plant(plant: Plant) -> Plant:
-    """Return the transposed plant: its control is the filtering of this one."""
+    """Return the transposed plant: its control problem is the filtering problem of this one."""
     return replace(
         plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
         D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T, into_u=plant.out_of_y.T, out_of_y=plant.into_u.T,
@@ -221,7 +221,7 @@ def dual_plant(plant: Plant) -> Plant:
 
 
 def has_zero_on_axis(plant: Plant) -> bool:
-    """Whether P12 (D12 of full rank) has a zero on the axis: no Riccati equation has a stabilising solution there."""
+    """Return True if P12 (D12 of full rank) has a zero on the axis: then no Riccati solution is stabilising."""
     back = np.linalg.pinv(plant.D12)
     A = plant.A - plant.B2 @ back @ plant.C1
     C = plant.C1 - plant.D12 @ back @ plant.C1
@@ -235,7 +235,7 @@ def has_zero_on_axis(plant: Plant) -> bool:
 
 
 def regularise_plant(plant: Plant, size: float) -> Plant:
-    """Return the plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
+    """Return the plant with small outputs of u and disturbances of y added where D12, D21 lack rank."""
     n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
     reaches, sees = has_full_ranks(plant)
     if not reaches:
@@ -252,18 +252,18 @@ def regularise_plant(plant: Plant, size: float) -> Plant:
 
 
 def has_full_ranks(plant: Plant) -> tuple[bool, bool]:
-    """Return whether D12 and D21 have full rank: u shows in z, w in y."""
+    """Return True for each of D12 and D21 with full rank: u shows in z, w in y."""
     return _has_full_rank(plant.D12), _has_full_rank(plant.D21.T)
 
 
 def _has_full_rank(D: np.ndarray) -> bool:
-    """Return whether there are columns, independent beyond rounding."""
+    """Return True if the columns are independent beyond rounding."""
     sizes = np.linalg.svd(D, compute_uv=False)
     return D.shape[0] >= D.shape[1] > 0 and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
 
 def _typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
-    """Median gain around the poles; of a path that nothing passes the size of its matrices, one where they are zero."""
+    """Return the median gain around the poles; for a path of zero gain the size of the matrices, or one."""
     speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     speed = speed[speed > 1e-9]
     low, high = min(speed.min(initial=1.0), 1.0), max(speed.max(initial=1.0), 1.0)
@@ -275,7 +275,7 @@ def _typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray)
 def normalise_plant(plant: Plant) -> Plant | None:
     """Return the plant with D12 = [0; I] and D21 = [0 I] by rotations of z and w and a change of u and y.
 
-    None where one of them lacks rank.
+    Return None if one of them lacks rank.
     """
     n_u, n_y = plant.B2.shape[1], plant.C2.shape[0]
     n_z, n_w = plant.D11.shape
@@ -302,13 +302,13 @@ def normalise_plant(plant: Plant) -> Plant | None:
 
 
 def _drop_rounding(rotated: np.ndarray, axis: int) -> np.ndarray:
-    """Return what was rotated with zeros where only rounding is left: solvers of Riccati equations balance by it."""
+    """Return a rotated matrix with zeros in place of rounding, which solvers of Riccati equations use for balancing."""
     sizes = np.linalg.norm(rotated, axis=axis, keepdims=True)
     return np.where(np.abs(rotated) < 4 * EPS * sizes, 0.0, rotated)
 
 
 def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
-    """Return the controller of the normalised plant as one of the plant that was given."""
+    """Return the controller for the original plant from that for the normalised one."""
     A, B, C, D = K
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
     if plant.region:
@@ -323,7 +323,7 @@ def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
 
 
 def _to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
-    """In modal coordinates where it has them: near the least level modes lie decades apart and hide one another."""
+    """Return modal coordinates if they exist: near the least level modes lie decades apart and hide one another."""
     if not A.size:
         return A, B, C, D
     A, B, C = scale_states(A, B, C)
@@ -335,7 +335,7 @@ def _to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -
 
 
 def _restore_feedthrough(D22: np.ndarray, A: np.ndarray, *, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
-    """u = K (y - D22 u) solved for u."""
+    """Return the controller with u = K (y - D22 u) solved for u."""
     if not D22.any():
         return A, B, C, D
     inverse = np.linalg.inv(np.eye(D.shape[0]) + D @ D22)

@@ -1,6 +1,6 @@
 """H-infinity synthesis: the output-feedback controller of least closed-loop norm, from two Riccati equations.
 
-The bracket on gamma is closed on the existence conditions; what is returned is judged on its own closed loop.
+The bracket on gamma is closed by the existence conditions; the result is judged by its own closed loop.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from robust.synthesis.hinf.generalised_plant import (
     restore_controller,
 )
 
-# ---- The two Riccati equations of H-infinity control at one level gamma: whether they hold, and the central
+# ---- The two Riccati equations of H-infinity control at one level gamma: their solvability, and the central
 # controller.
 
 _LARGEST_GAMMA = 1e10
 _MAX_CHANGE_OF_A = (
-    100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
+    100.0  # largest change of A over its size by the substituted control: more means a nearly singular D12
 )
 
 
 @value(copy=False)
 class _Solution:
-    """X and Y of a level, with the gains F (of all inputs) and H (of all outputs) that go with them."""
+    """X and Y of a level, with the gains F (for all inputs) and H (for all outputs)."""
 
     gamma: float
     X: np.ndarray
@@ -59,18 +59,18 @@ class _Solution:
 
 
 def _direct_term_bound(plant: Plant) -> float:
-    """Return what the direct term alone leaves: no controller gets below it."""
+    """Return the lower bound of gamma by the direct term alone."""
     return max(_uncontrolled_direct_term(plant), _uncontrolled_direct_term(dual_plant(plant)))
 
 
 def _uncontrolled_direct_term(plant: Plant) -> float:
-    """Return the part of the direct term in outputs that u does not reach."""
+    """Return the norm of the direct term in outputs that u does not reach."""
     upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
     return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
 
 
 def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> _Solution | None:
-    """X and Y where the level can be reached: both stabilising, semidefinite, with spectral radius under gamma^2."""
+    """Return X and Y if the level can be reached: stabilising, semidefinite, with spectral radius below gamma^2."""
     if gamma <= _direct_term_bound(plant) * (1 + 1e-9):
         return None
     control = control_riccati(plant, gamma, quick=quick)
@@ -83,11 +83,11 @@ def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> _S
 
 
 def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
-    """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need be [0; I].
+    """Return X and F of a level for known states and w; for the dual plant Y and H'. Only D12 must be [0; I].
 
-    What is not possible with all of x and w known is not possible with y either: where there is no X, the level is a
-    lower bound. The outputs that u reaches are taken as the control in its place where that changes little: cross terms
-    that would cancel in rounding are then never made, and where y tells all of w, Y is zero to the last bit.
+    A level that is impossible with x and w known is impossible with y too: if there is no X, the level is a lower
+    bound. The outputs that u reaches replace the control if that changes little: cross terms that would cancel in
+    rounding then do not arise, and if y contains all of w, Y is zero to the last bit.
     """
     if gamma <= _uncontrolled_direct_term(plant) * (1 + 1e-9):
         return None
@@ -111,10 +111,10 @@ def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple
 
 
 def _central_controller(plant: Plant, at: _Solution, *, rolled_off: bool = False) -> Matrices:
-    """The central controller of a level, or the one of least direct term (Zhou, Doyle & Glover 1996, Theorem 17.1).
+    """Return the central controller of a level, or that of least direct term (Zhou et al. 1996, Theorem 17.1).
 
-    All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a problem of one block
-    that one makes the whole direct term of the loop zero, at times with a K that is infinite there.
+    All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a one-block problem the
+    central one makes the whole direct term of the loop zero, at times with a K that is infinite there.
     """
     (n_z, n_w), n_u, n_y = plant.D11.shape, plant.B2.shape[1], plant.C2.shape[0]
     g2 = at.gamma**2
@@ -148,7 +148,7 @@ def _bisect_level(
     n_steps: int,
     enough: float = 0.0,
 ) -> tuple[float, float, int]:
-    """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
+    """Return the largest level that fails, the smallest that holds (inf: none), and the number of levels tried."""
     low, high = ends
     n_tried, gamma = 0, max(1.0, 2 * low) if np.isinf(high) else high / 2
     while n_tried < n_steps:
@@ -173,12 +173,12 @@ def _bisect_level(
 # No Riccati equation has a solution where P12 or P21 loses rank on the axis or at infinity (no weight on u, an
 # integrating plant under disturbances at its output). The axis is therefore replaced by circles on either side of it:
 #
-#     a disc in the right half plane     asks for less: its least norm is a lower bound of what was asked
-#     all but a disc in the left one     asks for more: its controllers are judged by the norm that was asked
+#     a disc in the right half plane     requires less: its least norm is a lower bound of the original one
+#     all but a disc in the left one     requires more: its controllers are judged by the original norm
 #
 # Both are regular, both tend to the infimum as the circles tend to the axis (the bilinear transform of Chiang & Safonov
 # 1992 is the second); where P12 or P21 lacks rank everywhere, small outputs of u and disturbances of y are added to the
-# second, which asks for more again.
+# second problem, which then requires more again.
 
 #: Decades between the circles and the slowest pole, and the fastest.
 _CIRCLE_RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
@@ -186,28 +186,28 @@ _AXIS_RUNG = (4, 0)  # the last resort: the axis is kept, the plant is regularis
 _REGULARISATIONS = (
     1e-2,
     1e-6,
-)  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
-_KERNEL_TOLERANCE = 1e-13  # rounding, of rows of length one; of gamma a lower bound that is zero
-_ON_AXIS = 1e-9  # of the scaled plant, whose poles have a geometric mean of one: from a pole to its frequency
-_ANY_POINT = 1.2345  # in scaled time: no zero of a plant lies there but by chance
-_BEYOND_POLES = 1.5  # no pole lies where a circle crosses
-_COARSE_RUNGS = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
+)  # regularisation relative to the scaled plant if rank is lacking everywhere: a decade less for each rung; least one
+_KERNEL_TOLERANCE = 1e-13  # rounding for rows of length one; gamma below it counts as a lower bound of zero
+_ON_AXIS = 1e-9  # distance of a pole from its frequency on the axis, for the scaled plant (mean pole one)
+_ANY_POINT = 1.2345  # in scaled time: a generic point, where no plant has a zero except by chance
+_BEYOND_POLES = 1.5  # factor that keeps poles away from the crossing of a circle
+_COARSE_RUNGS = (1, 1), (0, 0)  # coarse circles, used if finer ones find nothing near the bound
 _FAR_FROM_BOUND = 1.1
-_NEAR_ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
-_MAX_CONDITIONS = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
-_TOLERANCE = 1e-3  # to which the levels of a rung are found
-_ROUNDING_FACTOR = 1.003  # a bound may contradict a controller by this before rounding is blamed
-_CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
-#: Above the least level, close together at first: rounding leaves a loop unstable at one and stable at the next.
+_NEAR_ENOUGH = 1.005  # times `factor`: sufficient distance to the lower bound
+_MAX_CONDITIONS = (1e6, 1e4)  # condition of D12 and D21 up to which bounds use both, or one alone
+_TOLERANCE = 1e-3  # of the levels of a rung
+_ROUNDING_FACTOR = 1.003  # contradiction between a bound and a controller that is ignored; a larger one is rounding
+_CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: these must fail too, otherwise it is rounding
+#: Factors over the least level, dense at first: by rounding a loop may be unstable at one and stable at the next.
 _SINGULAR_STEPS_UP = (1.0, 1.003, 1.006, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0, 20.0)
 
 
 def _synthesise_between_circles(
     P: control.StateSpace, plant: Plant, nothing: Synthesis, *, wanted: tuple[float, float], n_steps: int
 ) -> Synthesis:
-    """The best controller by circles that close in on the axis, until it is near enough to the lower bound.
+    """Return the best controller by circles that close in on the axis, until it is close enough to the lower bound.
 
-    The first one is K = 0, where that is stable. Until then gamma_min is the least level of the last problem tried.
+    The first one is K = 0, if that is stable. Until then gamma_min is the least level of the last problem tried.
     """
     enough, factor = wanted
     step, low = max(1.001, factor**0.5), unchangeable_gain(plant, _usual_points(plant))
@@ -227,7 +227,7 @@ def _synthesise_between_circles(
 
 
 def _circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
-    """Return where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
+    """Return the real points of a circle: decades below the slowest pole and above the fastest."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
     slow = float(min(speeds.min(initial=1.0), 1.0))
@@ -236,7 +236,7 @@ def _circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
 
 
 def _regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
-    """Return what is asked for outside of a disc in the left half plane, made regular, the hardest first."""
+    """Return the regular problems outside a disc in the left half plane, the hardest one first."""
     a, b = _circle_ends(plant, below, above)
     problem = plant if (below, above) == _AXIS_RUNG else map_region(plant, -a, -b)
     if hidden_mode(problem):
@@ -254,15 +254,15 @@ def _regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
 def _raise_lower_bound(
     P: control.StateSpace, plant: Plant, *, rung: tuple[int, int], found: Synthesis, n_steps: int
 ) -> Synthesis:
-    """With the level that fails inside a disc in the right half plane, which no controller reaches."""
+    """Raise the lower bound by the level that fails inside a disc in the right half plane."""
     problem = map_region(plant, *_circle_ends(plant, *rung))
-    # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
+    # a bound requires a safe rank: nearly dependent columns would make it false
     spread = [
         float(np.linalg.cond(D)) if full else np.inf
         for full, D in zip(has_full_ranks(problem), (problem.D12, problem.D21), strict=True)
     ]
     both = max(spread) < _MAX_CONDITIONS[0]
-    # where rank is lacking on one side everywhere, what the other side alone leaves
+    # if rank is lacking on one side everywhere: the bound by the other side alone
     known = [
         _full_information_plant(side)
         for side, size in zip((problem, dual_plant(problem)), spread, strict=True)
@@ -271,7 +271,7 @@ def _raise_lower_bound(
     sides, test = ([problem], partial(solve_riccati_pair, quick=True)) if both else (known, control_riccati)
     for side in sides:
         regular, reached = normalise_plant(side), found.gamma * _ROUNDING_FACTOR
-        # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
+        # a level that a controller reaches cannot fail: then the failure is rounding, and no bound follows
         if regular is None or reached <= found.gamma_min or not test(regular, reached):
             continue
         ends = found.gamma_min, reached
@@ -286,7 +286,7 @@ def _raise_lower_bound(
 
 
 def _full_information_plant(plant: Plant) -> Plant:
-    """Return the plant with w measured, as it has to be put to normalise D12 alone."""
+    """Return the plant with w measured, in the form to normalise D12 alone."""
     n_w = plant.B1.shape[1]
     return replace(plant, C2=np.zeros((n_w, plant.A.shape[0])), D21=np.eye(n_w), out_of_y=np.eye(n_w))
 
@@ -294,10 +294,10 @@ def _full_information_plant(plant: Plant) -> Plant:
 def _try_levels(
     P: control.StateSpace, plant: Plant, *, problem: Plant, found: Synthesis, step: float, n_steps: int
 ) -> Synthesis:
-    """With the controllers a little above the least level of a problem, and what was found before.
+    """Try the controllers slightly above the least level of a problem; return the best so far.
 
-    Near the least level rounding may let the equations hold where none is reached: higher ones are tried until the loop
-    itself keeps one.
+    Near the least level rounding may satisfy the equations without a controller: higher levels are tried until the
+    loop itself keeps one.
     """
     test = partial(solve_riccati_pair, problem, quick=not problem.added)
     ends = max(_direct_term_bound(problem), found.gamma_min), found.level if test(found.level) else np.inf
@@ -322,7 +322,7 @@ def _try_levels(
 def _controlled_loop(
     P: control.StateSpace, problem: Plant, gamma: float
 ) -> tuple[control.StateSpace, control.StateSpace] | None:
-    """Return the controller of a level of a regular problem and the loop of P with it; None if that is not stable."""
+    """Return the controller of a level for a regular problem and the loop of P with it; None if that is not stable."""
     solution = solve_riccati_pair(problem, gamma)
     if solution is None:
         return None
@@ -336,7 +336,7 @@ def _controlled_loop(
 def _close_stable_loop(
     P: control.StateSpace, K: control.StateSpace
 ) -> tuple[control.StateSpace, control.StateSpace] | None:
-    """Return a controller and the loop of P with it; None where that is not stable."""
+    """Return a controller and the loop of P with it; None if that is not stable."""
     closed = lower_lft(P, K)
     return (K, closed) if decide_stability(closed).stable else None
 
@@ -344,7 +344,7 @@ def _close_stable_loop(
 def _keep_if_better(
     plant: Plant, loop: tuple[control.StateSpace, control.StateSpace] | None, *, found: Synthesis
 ) -> Synthesis:
-    """With a controller and its loop if it is better, by the norm that was asked, and the lower bound at its peak."""
+    """Take a controller and its loop if it is better by the original norm, and the lower bound at its peak."""
     achieved, peak = _norm_as_given(loop[1]) if loop else (np.inf, np.nan)
     if loop is None or achieved >= found.gamma:
         return found
@@ -354,7 +354,7 @@ def _keep_if_better(
 
 
 def _norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
-    """Return the norm, at least what evaluation finds in the coordinates of the loop as they are, and its peak."""
+    """Return the norm, at least its value on a grid in the original coordinates of the loop, and its peak frequency."""
     poles = to_s_plane(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
@@ -366,7 +366,7 @@ def _norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
 
 
 def _usual_points(plant: Plant) -> np.ndarray:
-    """Return frequencies of the scaled plant (W,): zero, infinity, those of its poles and some around."""
+    """Return frequencies of the scaled plant (W,): zero, infinity, those of its poles and some around them."""
     poles = np.linalg.eigvals(plant.A) if plant.A.size else np.ones(1)
     around = np.geomspace(*_circle_ends(plant, 1, 1), 60)
     return np.unique(np.concatenate([[0.0, np.inf], around, np.abs(poles), np.abs(poles.imag)]))
@@ -375,15 +375,15 @@ def _usual_points(plant: Plant) -> np.ndarray:
 def unchangeable_gain(plant: Plant, omega: np.ndarray) -> float:
     """Return the largest gain that no controller changes, at frequencies (W,) of the scaled plant.
 
-    Where (A - s) x + B1 w = 0 and C2 x + D21 w = 0, y and u stay zero whatever K is, and z = C1 x + D11 w. There are
-    such w at every frequency where P21 has fewer independent rows than columns, else where it loses rank: at poles of
-    the plant on the axis and at infinity, not least. The same holds of the transposed plant.
+    If (A - s) x + B1 w = 0 and C2 x + D21 w = 0, y and u stay zero for any K, and z = C1 x + D11 w. Such w exist at
+    every frequency if P21 has fewer independent rows than columns, otherwise where it loses rank: especially at poles
+    of the plant on the axis and at infinity. The same holds for the transposed plant.
     """
     return max(unmeasured_gain(side, omega) for side in (plant, dual_plant(plant)))
 
 
 def unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
-    """Return `unchangeable_gain` of disturbances that y does not show."""
+    """Return `unchangeable_gain` for disturbances that do not show in y."""
     poles = np.linalg.eigvals(plant.A) if plant.A.size else np.zeros(0)
     everywhere = _unmeasured_space(plant, _ANY_POINT, 0).shape[1]
     gains = [0.0]
@@ -399,7 +399,7 @@ def unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
 def _unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
     """Return states and disturbances (n + n_w, k), at infinity disturbances alone, with y = u = 0 at s.
 
-    Of a dimension that is known, else (0) of what is zero to rounding.
+    `dimension` is the known dimension, or 0 for the directions that are zero to rounding.
     """
     n = plant.A.shape[0]
     pencil = np.block([[plant.A - s * np.eye(n), plant.B1], [plant.C2, plant.D21]]) if np.isfinite(s) else plant.D21
@@ -409,38 +409,38 @@ def _unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
     return V[rank:].conj().T
 
 
-MOST_STEPS = 1000  # levels: of 54 published problems the hardest takes a third of them
+MOST_STEPS = 1000  # levels: the hardest of 54 published problems takes a third of them
 _ALL_STEPS_MADE = "all levels that n_steps allows were tried"
-_SINGULAR_TOLERANCE = 1.03  # gamma over the lower bound of a singular problem that needs no comment
+_SINGULAR_TOLERANCE = 1.03  # gamma over the lower bound of a singular problem that is not reported
 _STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 
 @value
 class Synthesis(Unpacked):
-    """A controller, the norm it reaches, and the bracket on what any controller can reach.
+    """A controller, the norm it reaches, and a lower bound for any controller.
 
     Unpacks as K, CL, gamma, info = hinfsyn(P, n_y, n_u).
 
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (n_u outputs, n_y inputs); zero where nothing was found.
+        u = K y, positive feedback through P (n_u outputs, n_y inputs); zero if none was found.
     gamma : float
-        Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable. With a `certificate` that
-        holds the norm is proved to be below it; else it is only what was computed, and the reason says so.
+        Norm of F_l(P, K), recomputed from the closed loop; inf if that is not stable. With a `certificate` that holds
+        the norm is proved to be below it; otherwise it is only computed, and `reason` states it.
     gamma_min : float
-        No controller reaches less: the largest level at which the existence conditions were seen to fail, in many
-        digits where the poles lie decades apart. 0 where no such level is known.
+        No controller reaches less: the largest level at which the existence conditions fail, in multiple precision if
+        the poles lie decades apart. 0 if no such level is known.
     level : float
-        Least gamma at which the existence conditions were met; where the problem is singular, gamma_min.
+        Least gamma at which the existence conditions hold; for a singular problem gamma_min.
     n_steps : int
         Values of gamma tried.
     reason : str
-        Why nothing, or less than asked for, was found, or gamma is not certified; empty otherwise.
+        Reason why nothing, or less than requested, was found, or gamma is not certified; empty otherwise.
     certificate : Certificate or None
-        The proof of gamma, from P and K as they are given, or why there is none; None where nothing was found.
+        The proof of gamma, from P and K as given, or the reason why there is none; None if no controller was found.
     CL : control.StateSpace or None
-        F_l(P, K) from w to z; None where nothing was found.
+        F_l(P, K) from w to z; None if no controller was found.
 
     References
     ----------
@@ -467,12 +467,12 @@ class Synthesis(Unpacked):
 
     @property
     def certified(self) -> bool:
-        """Whether gamma is proved to be a bound on the norm."""
+        """True if gamma is proved to be a bound on the norm."""
         return self.certificate is not None and self.certificate.holds
 
     @property
     def found(self) -> bool:
-        """Whether K stabilises the loop, beyond rounding."""
+        """True if K stabilises the loop, beyond rounding."""
         return bool(np.isfinite(self.gamma))
 
     def __str__(self) -> str:
@@ -494,45 +494,47 @@ def hinfsyn(
     factor: float = 1.01,
     n_steps: int = MOST_STEPS,
 ) -> Synthesis:
-    """Return the controller that makes the norm from w to z of a plant with weights as small as it can be.
+    """Return the controller that minimises the norm from w to z of a generalised plant.
+
+    Use this for a plant whose weights you arrange yourself; `mixsyn` builds the usual one.
 
     Parameters
     ----------
     P : control.StateSpace or TransferFunction
-        Generalised plant from (w, u) to (z, y), continuous or discrete, weights inside.
+        Generalised plant from (w, u) to (z, y), continuous or discrete, weights included.
     n_y, n_u : int
-        How many of its last outputs are measured, how many of its last inputs are controlled.
+        Number of its last outputs that are measured, and of its last inputs that are controlled.
     gamma_min : float
-        Level that is good enough: nothing better is looked for.
+        Sufficient level: the search stops once it is reached.
     tolerance : float
-        Relative width to which the bracket on gamma is closed.
+        Relative width of the bracket on gamma at which the search stops.
     factor : float
-        gamma of the controller over the least one, at least 1: at the least one itself it is singular.
+        gamma of the controller over the least one, at least 1: at the least one the controller is singular.
     n_steps : int
-        Most levels of gamma that are tried; the best found by then is returned.
+        Largest number of levels of gamma; the best controller found by then is returned.
 
     Returns
     -------
     Synthesis
-        Where no controller was found K is zero, gamma is inf and the reason is stated. gamma is certified, or said not
-        to be.
+        If no controller was found, K is zero, gamma is inf and the reason is stated. gamma is certified, or the reason
+        states that it is not.
 
     Raises
     ------
     ValueError
-        Sizes that do not fit, or a plant that no controller can stabilise through u and y (it names the mode).
+        Sizes that do not fit, or a plant that no controller can stabilise through u and y (the message names the mode).
 
     Notes
     -----
-    Where D12 or D21 lacks rank, or a zero of P12 or P21 lies on the stability boundary (an integrating plant in a
-    mixed-sensitivity problem), the problem is singular: its infimum is approached and not reached. Circles on either
-    side of the axis then take its place, closing in on it: controllers from the outside, a lower bound from the inside.
-    Where more than 3 % is left between the two, the reason says so.
+    If D12 or D21 lacks rank, or a zero of P12 or P21 lies on the stability boundary (an integrating plant in a
+    mixed-sensitivity problem), the problem is singular: its infimum is approached and not reached. Then circles on
+    either side of the axis close in on it: controllers come from the outside, a lower bound from the inside. If the two
+    differ by more than 3 %, the reason states it.
 
-    Combinations of u that act on nothing and of y that measure nothing are left out first: two equal actuators share
-    the work. K = 0 is the first controller that is tried where P is stable, and the answer where no other is better.
-    What no controller changes (at infinity, at poles of P on the axis, in outputs that u does not reach) is part of the
-    lower bound. The answer depends on `n_steps` and on no clock.
+    Combinations of u without an effect and of y without a measurement are left out first: two equal actuators share
+    the work. If P is stable, K = 0 is the first controller tried, and the result if no other is better. The gain that
+    no controller changes (at infinity, at poles of P on the axis, in outputs that u does not reach) is part of the
+    lower bound. The result depends on `n_steps` and not on computing time.
 
     References
     ----------
@@ -559,7 +561,7 @@ def hinfsyn(
 
 
 def _with_certificate(P: control.StateSpace, found: Synthesis) -> Synthesis:
-    """Return a synthesis with the gamma that was proved, its certificate and closed loop, or the reason why not."""
+    """Return a synthesis with the proved gamma, its certificate and closed loop, or the reason of a failure."""
     if not found.found:
         return found
     proof = certify_closed_loop(P, found.K, found.gamma, subject="norm of the closed loop")
@@ -579,7 +581,7 @@ def synthesise(
     factor: float = 1.01,
     n_steps: int = MOST_STEPS,
 ) -> Synthesis:
-    """`hinfsyn` without the proof of gamma, for who judges the loop by something else."""
+    """Return `hinfsyn` without the proof of gamma, for callers that judge the loop by another measure."""
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     gamma_min, tolerance = require_nonnegative("gamma_min", gamma_min), require_positive("tolerance", tolerance)
     factor, n_steps = require_real("factor", factor), require_integer("n_steps", n_steps, least=1)
@@ -610,7 +612,7 @@ def synthesise(
 def _synthesise_as_given(
     P: control.StateSpace, plant: Plant, *, wanted: tuple[float, float, float], n_steps: int
 ) -> Synthesis:
-    """Return the best controller by Riccati equations in the coordinates of P, of a regular or a singular problem."""
+    """Return the best controller by Riccati equations in the coordinates of P, for a regular or singular problem."""
     nothing = control.StateSpace([], [], [], np.zeros((plant.into_u.shape[0], plant.out_of_y.shape[1])), P.dt)
     best = Synthesis(K=nothing, gamma=np.inf, level=np.inf, gamma_min=0.0, n_steps=0, reason="")
     problem = normalise_plant(plant)
@@ -622,22 +624,22 @@ def _synthesise_as_given(
     return _synthesise_singular(P, plant, nothing=best, wanted=wanted_singular, n_steps=n_steps - best.n_steps)
 
 
-# ---- Stiff plants: a lower bound that rounding has no part in, and controllers by other means.
+# ---- Stiff plants: a lower bound that is free of rounding, and controllers by other methods.
 
-_STIFF = 1e5  # of the largest number of A to the slowest pole, from where rounding was seen to make bounds false
+_STIFF = 1e5  # largest number of A over the slowest pole, above which rounding made bounds false
 _NEAR_BOUND = 1.02  # times `factor`: beyond it other controllers are tried
-_STATIC_SIZES = np.geomspace(1e-3, 1e3, 13)  # of a static controller, times the inverse of the gain from u to y
+_STATIC_SIZES = np.geomspace(1e-3, 1e3, 13)  # sizes of a static controller, times the inverse of the gain from u to y
 
 
 def _is_far_from_bound(found: Synthesis, wanted: tuple[float, float, float]) -> bool:
-    """Return whether a controller is not as near to the lower bound as it should be, nor good enough."""
+    """Return True if a controller is neither close to the lower bound nor at the sufficient level."""
     return bool(found.gamma > max(_NEAR_BOUND * wanted[2] * found.gamma_min, wanted[0]))
 
 
 def _fails_in_digits(
     P: control.StateSpace, plant: Plant, level: float, *, circle: tuple[float, ...] = ()
 ) -> bool | None:
-    """Return whether no controller reaches a level, in many digits; None where it is not known, or P not stiff."""
+    """Return True if no controller reaches a level, in multiple precision; None if undecided, or P is not stiff."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     slowest = speeds[speeds > 0].min(initial=np.inf)
     if not np.linalg.norm(plant.A) > _STIFF * slowest:
@@ -647,10 +649,10 @@ def _fails_in_digits(
 
 
 def _settle_lower_bound(P: control.StateSpace, plant: Plant, *, found: Synthesis, factor: float) -> Synthesis:
-    """With a lower bound that many digits confirm where the poles lie decades apart, and never above gamma."""
+    """Return a synthesis whose lower bound is confirmed in multiple precision for a stiff P, and never above gamma."""
     low, reached = min(found.gamma_min, found.gamma), found.gamma * _ROUNDING_FACTOR
     fails = partial(_fails_in_digits, P, plant)
-    # a level that was reached must not fail: else the problem is singular, and nothing is learnt
+    # a level that was reached must not fail: otherwise the problem is singular, and no bound follows
     if found.found and fails(reached) is False:
         ends = (0.0, low) if low and not fails(low) else (low, reached)
         if ends[0] == 0 or found.gamma > _NEAR_BOUND * factor * low:
@@ -687,7 +689,7 @@ def _controllers_by_other_means(
 def _synthesise_singular(
     P: control.StateSpace, plant: Plant, *, nothing: Synthesis, wanted: tuple[float, float], n_steps: int
 ) -> Synthesis:
-    """Return the best controller of a singular problem, with a lower bound of the problem itself."""
+    """Return the best controller of a singular problem, with a lower bound of the original problem."""
     found = _synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
     late, n_tried = found.n_steps >= n_steps, nothing.n_steps + found.n_steps
     if not found.found:
@@ -710,7 +712,7 @@ def _synthesise_regular(
     wanted: tuple[float, float, float],
     n_steps: int,
 ) -> Synthesis:
-    """The best controller of one regular problem, judged on P itself; `nothing` with the reason where none is good."""
+    """Return the best controller of a regular problem, judged on P itself, or `nothing` with the reason."""
     enough, tolerance, factor = wanted
     ends = _direct_term_bound(problem), np.inf
     low, high, n_tried = _bisect_level(

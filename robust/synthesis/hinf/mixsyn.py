@@ -1,4 +1,4 @@
-"""Mixed-sensitivity synthesis: the controller that makes weighted S, K S and T as small as they can be together."""
+"""Mixed-sensitivity synthesis: the controller of least norm for weighted S, K S and T together."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import MOST_STEPS, hinfsyn
 
 _PADE_ORDER = 4
-_WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
+_WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # the signal that each weight reads
 
 
 def mixsyn(
@@ -35,38 +35,40 @@ def mixsyn(
 ) -> Design:
     """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
 
+    Use this first for one uncertainty; `dk_iteration` is for several uncertainties or robust performance.
+
     The order of the weights is that of python-control and MATLAB: `mixsyn(G, w1, w2, w3)` weights S, K S and T.
-    Under 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
+    If gamma < 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
     place of w_T (or joins S or K S, by its form), so that gamma < 1 includes stability of the whole set.
 
     Parameters
     ----------
     model : UncertaintyModel, control.StateSpace, TransferFunction
-        Plant of one or several inputs and outputs, continuous or discrete.
+        Plant with one or several inputs and outputs, continuous or discrete.
     w_P : control system or float
-        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. Of several channels this and
-        the others are one weight for all of them alike, or a matrix that takes them all (`control.append`).
+        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. For several channels this and
+        the others are one weight for each channel, or a matrix for all of them (`control.append`).
     w_u : control system or float, optional
         Weight on K S (`control_weight`).
     w_T : control system or float, optional
-        Weight on T, on top of what the model asks for.
+        Weight on T, in addition to that of the model.
     dt : float
-        Sampling time [s] of the controller for a continuous plant, which is then designed for as the controller sees
-        it, hold and delay inside; weights go through the bilinear map. 0: the time base of the plant.
+        Sampling time [s] of the controller for a continuous plant: the design then uses the sampled plant, hold and
+        delay included; weights go through the bilinear map. 0: the time base of the plant.
     delay : float
         Computation delay [s]; by a Padé approximation in continuous time.
     gamma_min : float
-        Level that is good enough: nothing better is looked for.
+        Sufficient level: the search stops once it is reached.
     factor : float
-        gamma asked for over the least one, at least 1.
+        gamma of the controller over the least one, at least 1.
     n_steps : int
-        Most levels of gamma that are tried; the best found by then is returned.
+        Largest number of levels of gamma; the best controller found by then is returned.
 
     Returns
     -------
     Design
-        gamma recomputed from the closed loop; inf, and the reason, where no controller was found. gamma_min is a lower
-        bound for any controller; without a w_u the infimum is only approached, by controllers that grow faster.
+        gamma recomputed from the closed loop; inf, with the reason, if no controller was found. gamma_min is a lower
+        bound for any controller; without a w_u the infimum is only approached, by ever faster controllers.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def mixsyn(
 
 
 def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
-    """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
+    """Return True for a model with a parametric nominal; refuse one without, or with a structured perturbation."""
     if has_several_channels(model):
         raise ValueError(
             "model must be a plant or an UncertaintyModel, got one of several channels: dk_iteration designs for "

@@ -17,32 +17,34 @@ from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.generalised_plant import rank_margin
 
-#: Of the rank margin of an unstable mode, from which on down it is named where the loop is not stable.
+#: Rank margin of an unstable mode, below which an unstable loop is explained by it.
 _NEARLY_CANCELLED = 1e-2
 
 
 def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
     """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.
 
+    Use this if you can shape a loop but have no weights for S and T.
+
     Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high where errors must
-    be small and low where the plant is unknown. The controller keeps that shape; gamma_min under about 4 says
-    that it could.
+    be small and low where the plant is unknown. The controller keeps that shape; a gamma_min below about 4 confirms
+    that the shape is feasible.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, UncertaintyModel
-        Plant of one or several inputs and outputs, continuous or discrete. For a sampled controller give the plant it
-        sees (`robust.sampled`).
+        Plant with one or several inputs and outputs, continuous or discrete. For a sampled controller give the sampled
+        plant (`robust.sampled`).
     W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
         Shaping functions at the input and output of the plant: matrices (`control.append`), or one for all channels.
     factor : float
-        gamma asked for over gamma_min, above 1: at gamma_min itself the loop may be unstable.
+        gamma of the controller over gamma_min, above 1: at gamma_min itself the loop may be unstable.
 
     Returns
     -------
     Design
-        K = W1 K_inf W2. A loop that turns out unstable is a result: gamma = inf. gamma, the norm of the shaped plant
-        with K_inf, is certified, or said not to be.
+        K = W1 K_inf W2. An unstable loop is a result: gamma = inf. gamma, the norm of the shaped plant with K_inf, is
+        certified, or the reason states that it is not.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
     F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
     Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
     Ak = A + B @ F + Bk @ (C + D @ F)
-    central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
+    central = (Ak, -Bk, B.T @ X, D.T)  # the sign converts the book's positive feedback to negative feedback
     K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
     K = with_names(
         in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels
@@ -94,7 +96,7 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
 
 
 def _explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
-    """Return that K does not stabilise a shaped plant, and which of its modes is hardest to reach or to see."""
+    """Return the reason why K does not stabilise a shaped plant, with the mode hardest to reach or to observe."""
     modes = unstable_pole_values(shaped, timebase(shaped))
     away = [shaped.A - mode * np.eye(shaped.nstates) for mode in modes]
     reached = [min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C]))) for one in away]
@@ -106,7 +108,7 @@ def _explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
 
 
 def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
-    """From (p_out, p_in, u) to (u, y) and the error -y that the controller sees, for a plant of its own."""
+    """Return the system from (p_out, p_in, u) to (u, y) and the error -y for the controller."""
     n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
     one, none = np.eye(n_u), np.zeros
     B = np.hstack([none((n, n_y)), G.B, G.B])
@@ -117,7 +119,7 @@ def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
 
 
 def _riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """X and Z of the shaped plant: those of control and of filtering."""
+    """Return X and Z of the shaped plant: those of control and of filtering."""
     X, Z = (
         stabilising_riccati(a, b, Q=c.T @ c, R=np.eye(d.shape[1]) + d.T @ d, S=c.T @ d)
         for a, b, c, d in ((A, B, C, D), (A.T, C.T, B.T, D.T))
@@ -131,7 +133,7 @@ def _riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.nda
 
 
 def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
-    """Return a shaping function beside n channels of the plant, at its input W1 or its output W2."""
+    """Return a shaping function for n channels of the plant, at its input (W1) or its output (W2)."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
         W = block_diagonal([W] * n, W.dt)
@@ -146,19 +148,19 @@ def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.S
 
 
 def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
-    """Return a first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
+    """Return a first W1 for `ncfsyn`: integral action, with the gain for a given crossover.
 
-    Of several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
+    For several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
 
-    Where the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
-    crossover; where the plant falls by itself, W1 = k (s + omega_c/5) / s.
+    If the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
+    crossover; if the plant falls by itself, W1 = k (s + omega_c/5) / s.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction or UncertaintyModel
         Plant, continuous or discrete (then as the sampled controller sees it).
     omega_c : float
-        Crossover |G W1| = 1 asked for [rad/s].
+        Requested crossover |G W1| = 1 [rad/s].
 
     Returns
     -------
@@ -195,7 +197,7 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
 
 
 def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
-    """`crossover_weight` of one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
+    """Return `crossover_weight` for one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((gains > 0) & np.isfinite(gains)):
         raise ValueError(
             f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at "
@@ -205,7 +207,7 @@ def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.
     zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
     W = from_roots(zeros, np.zeros(1), 1.0, 0.0)
     if dt:
-        # the map scaled so that it is exact at omega_c
+        # the bilinear map is scaled to be exact at omega_c
         scale = omega_c / np.tan(omega_c * dt / 2)
         W = control.StateSpace(*to_discrete(W.A / scale, W.B / scale, W.C, W.D), dt)
     gain = 1 / (gains[1] * np.abs(response(W, np.array([omega_c])))[0])
