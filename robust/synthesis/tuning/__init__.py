@@ -1,9 +1,9 @@
 """Blocks of fixed structure in any loops, tuned together for several plants.
 
-closing     the closed loop and how it moves with the blocks
+closing     the closed loop and its derivative by the blocks
 design      the result
 friction    a limit that keeps the proof with friction
-limits      what is asked: gains of closed-loop channels, of the nominal or of the whole set
+limits      limits: gains of closed-loop channels, for the nominal or for the whole set
 loops       the loop of one plant with its limits: peaks of each over frequency
 minimax     the minimax search: stability first, then the smallest largest limit, at exact peaks
 parameters  all blocks as one matrix of the coordinates of the search, and its slopes

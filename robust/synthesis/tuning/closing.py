@@ -1,11 +1,11 @@
-"""The closed loop of a plant and the blocks, its responses, and how both move with M (the matrix of the blocks).
+"""The closed loop of a plant and the blocks, its responses, and their derivatives by M (the matrix of the blocks).
 
-With the states of the blocks put into the plant they are one static feedback u = M y (Apkarian & Noll 2006):
+With the states of the blocks included in the plant they are one static feedback u = M y (Apkarian & Noll 2006):
 
     N = M (I - D22 M)^-1,   A + B2 N C2, B1 + B2 N D21, C1 + D12 N C2, D11 + D12 N D21
 
-and dH = L dM R at any frequency with L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). Whatever a limit
-is made of, its derivative is Re tr(Q* dH) for some Q, so that the gradient is Re tr(R Q* L dM_k) for each parameter.
+and dH = L dM R at any frequency with L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). The derivative of
+any limit is Re tr(Q* dH) for some Q, so the gradient is Re tr(R Q* L dM_k) for each parameter.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from robust.lti.lti import Matrices, evaluate_transfer
 from robust.lti.norms import continuous_matrices
 from robust.lti.wiring import is_well_posed
 
-#: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
+#: Condition of the eigenvectors up to which responses on a grid are computed from the modes.
 _MAX_MODAL_CONDITION = 1e7
 
 
 @value(copy=False)
 class StatePlant:
-    """All that is fixed, with room for the states of the blocks: from (inputs, M y) to (outputs, y)."""
+    """All fixed parts, with the states of the blocks included: from (inputs, M y) to (outputs, y)."""
 
     A: np.ndarray
     B1: np.ndarray
@@ -40,7 +40,7 @@ class StatePlant:
     D22: np.ndarray
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """Return the loop closed by the blocks; None where it has no solution."""
+        """Return the loop closed by the blocks; None if it has no solution."""
         around = np.eye(M.shape[1]) - self.D22 @ M
         if not is_well_posed(around):
             return None
@@ -59,7 +59,7 @@ class StatePlant:
 
 
 def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: int, dt: float) -> StatePlant:
-    """Return the open loop, last inputs and outputs those of the blocks, with the states of the blocks put in."""
+    """Return the open loop with the states of the blocks included; the ports of the blocks come last."""
     A, B, C, D = continuous_matrices(open_loop, dt)
     n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
     zero, one = np.zeros((n_states, n_states)), np.eye(n_states)
@@ -112,7 +112,7 @@ class ClosedLoop:
 
     @cached_property
     def modal(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return C V and V^-1 B; None where the eigenvectors nearly coincide."""
+        """Return C V and V^-1 B; None if the eigenvectors nearly coincide."""
         vectors = self.modes[1]
         if len(vectors) and not np.linalg.cond(vectors) < _MAX_MODAL_CONDITION:
             return None

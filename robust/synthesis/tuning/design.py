@@ -1,4 +1,4 @@
-"""What a tuning found: the blocks with their numbers, each limit's value, and what nothing asked for."""
+"""The result of a tuning: the blocks with their numbers, the value of each limit, and missing demands."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 
-#: Units of parameters that have one of their own.
+#: Units of parameters that have a unit of their own.
 _UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
 
 
 class Ended(Enum):
-    """Why a search ended.
+    """Reason why a search ended.
 
     References
     ----------
@@ -42,7 +42,7 @@ class Ended(Enum):
 
 @value
 class LimitValue:
-    """A limit on the loop of one plant.
+    """Value of a limit on the loop of one plant.
 
     Fields
     ------
@@ -53,11 +53,11 @@ class LimitValue:
     ratio : float
         Largest gain times weight over bound: met up to one.
     omega : float
-        Where [rad/s]; inf at infinite frequency.
+        Frequency of this maximum [rad/s]; inf at infinite frequency.
     n_lines : int
-        Frequencies looked at; 0 where it is a norm: no frequency has a larger ratio, by the Hamiltonian test to 1e-7.
+        Number of frequencies; 0 for a norm: no frequency has a larger ratio, by the Hamiltonian test to 1e-7.
     omegas, curve, before : (W,) ndarray
-        Ratio over frequency [rad/s], and that with the blocks as they were given; nan where those leave it unstable.
+        Ratio over frequency [rad/s], and that with the given blocks; nan if those leave it unstable.
 
     References
     ----------
@@ -82,7 +82,7 @@ class LimitValue:
 
     @property
     def met(self) -> bool:
-        """Return whether the gain stays below its bound."""
+        """True if the gain stays below its bound."""
         return bool(self.ratio <= 1)
 
     def __str__(self) -> str:
@@ -94,33 +94,33 @@ class LimitValue:
 
 @value
 class TunedDesign:
-    """Blocks that were tuned together, and what the loop does with them. Nothing here is a proof: `check` proves.
+    """Blocks tuned together, with the properties of their loops. Nothing here is a proof: `check` proves.
 
     Fields
     ------
     blocks : dict of str to block
-        As given, with the numbers found.
+        The given blocks with tuned numbers.
     met : bool
-        Whether every loop is stable and every hard limit is met: on all frequencies where it is a norm, else on lines.
+        True if every loop is stable and every hard limit is met: at all frequencies for a norm, otherwise on lines.
     stable : bool
-        Whether every loop is stable beyond rounding, and decays as fast as asked for.
+        True if every loop is stable beyond rounding, and has the required decay.
     limits : tuple of LimitValue
         Every limit on every plant, the worst first, hard ones before soft ones.
     excess : float
         Largest real part of a pole that a block moves [rad/s], over all plants that are systems; -inf without any.
     ended : Ended
-        Why the search ended.
+        Reason why the search ended.
     spread : tuple of float
-        Of every start what was reached: the worst hard ratio while one is missed, else the worst soft one; inf where no
-        stable loop was found. Starts that differ mean local optima: take more.
+        Result of every start: the worst hard ratio while one is missed, otherwise the worst soft one; inf if no stable
+        loop was found. Different results are local optima: take more starts.
     at_bounds : tuple of str
-        Parameters at a bound: what limits the design may be the bound.
+        Parameters at a bound: the bound may limit the design.
     not_asked : tuple of str
-        What no limit asks for, and is given away.
+        Properties that no limit protects, and that the search may have sacrificed.
     n_evaluated : int
-        Loops that were looked at.
+        Number of loops evaluated.
     broken_sets : tuple of str
-        Where a limit is `worst`: plants whose set is not stable in the loop, by `worst_case`, and why.
+        For `worst` limits: plants whose set is not stable in the loop, by `worst_case`, with the reason.
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
@@ -166,7 +166,7 @@ class TunedDesign:
 
     @property
     def reason(self) -> str:
-        """Return why it ended, or which limits are missed and where."""
+        """Return the reason of the end, or the missed limits with their frequencies."""
         missed = [one for one in self.limits if one.hard and not one.met]
         if not self.limits:
             return f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g} rad/s"
@@ -185,8 +185,8 @@ class TunedDesign:
     def controller(self, inputs: str | Sequence[str], outputs: str | Sequence[str]) -> control.StateSpace:
         """Return all blocks and fixed parts between two signals as one controller: outputs = -K inputs.
 
-        For `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of the
-        plant.
+        Use it for `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of
+        the plant.
         """
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs)
@@ -209,7 +209,7 @@ class TunedDesign:
     def joined(
         self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> control.StateSpace:
-        """Return fixed parts, blocks and whatever else joined by name."""
+        """Return fixed parts, blocks and further systems joined by name."""
         parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
         return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs)
 

@@ -1,21 +1,21 @@
-"""A limit that keeps the proof of `prove_friction`: what a loop makes of a friction dissipates at every frequency.
+"""A limit that keeps the proof of `prove_friction`: the mobility at a friction dissipates at every frequency.
 
 With the friction f at its port, the mobility M = v/f of the closed loop there, and multipliers mu >= 0 of filters a,
 
     q = Re(C M) - L < 0,   C = mu_0 + sum mu_j (1 - a_j/(rho (a_j - s))),   L = sum mu_j a_j w^2/(rho K0 (a_j^2 + w^2))
 
-at every frequency is the test that the proof begins with (`robust.friction.proof.multipliers`). The controller is in M
-by the sensitivity S = 1/(1 + G_d K) alone. With the displacements x at the port and y at the sensor, by the friction f
+at every frequency is the first test of the proof (`robust.friction.proof.multipliers`). The controller enters M only
+through the sensitivity S = 1/(1 + G_d K). With the displacements x at the port and y at the sensor, by the friction f
 and the force u, and with hold and delay e in front of the force,
 
     M = -s ((x_f - p) + p S),      p = e x_u y_f/G_d,
 
-where G_d is the plant that the sampler sees. The ratio of the limit is
+where G_d is the sampled plant. The ratio of the limit is
 
     1 + q/(|C M| + L),
 
-between zero and two and below one where q is negative. As the scalings of a worst case, the multipliers are kept over a
-round of the search and found again by their linear program between the rounds.
+between zero and two, and below one if q is negative. Like the scalings of a worst case, the multipliers are kept over a
+round of the search, and computed again by their linear program between the rounds.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from robust.friction.reading.assumed_class import FrictionClass, machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
-#: Lines of the linear program, as `prove_friction` has them; the lowest over the highest, and over the slowest pole or
-#: filter; the highest over Nyquist.
+#: Number of lines of the linear program, as in `prove_friction`; the lowest over the highest, and over the slowest pole
+#: or filter; the highest over Nyquist.
 _N_LINES, _LOWEST, _SLOWEST, _BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
 
 
 @value(kw_only=False)
 class FrictionLimit:
-    """Keep the loop provable with every friction of a class, for `hard`; `prove_friction` proves it.
+    """Keep the loop provable for every friction of a class; use it in `hard`, and prove with `prove_friction`.
 
-    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and what it makes of a
+    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and its mobility at the
     friction has to dissipate at every frequency by the margin.
 
     Fields
     ------
     machine : FrictionPlant or FrictionClass
-        The machine without its friction, from `friction_plant`, in place of the plant of the design; or a class read
-        from levels, which brings its machines and its friction.
+        The machine without its friction, from `friction_plant`, in place of the plant of the design; or a class
+        estimated from levels, which contains its machines and its friction.
     friction : AnyFriction, optional
         `any_maxwell_slip`; left out with a FrictionClass.
     margin : float
-        What the ratio stays below one by. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01 all were proved.
+        Distance of the ratio below one. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01 were all proved.
 
     Raises
     ------
@@ -91,11 +91,11 @@ class FrictionLimit:
 
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
-        """Return the machines for which it is kept."""
+        """Return the machines of the limit."""
         return self.machine.machines if isinstance(self.machine, FrictionClass) else (self.machine,)
 
     def weighting(self, dt: float) -> None:
-        """Return no system: its ratio is no gain of one."""
+        """Return None: the ratio is not the gain of a system."""
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) one over the bound of its ratio."""
@@ -106,7 +106,7 @@ class FrictionLimit:
 class Multipliers:
     """Weights of the filters: rates a (J,) [rad/s] and mu (1 + J,), that of the friction itself first.
 
-    lowest, highest : frequencies of the test [rad/s]; below them every term goes as the square of the frequency.
+    lowest, highest : frequencies of the test [rad/s]; below them every term is proportional to the frequency squared.
     """
 
     rates: np.ndarray
@@ -124,7 +124,7 @@ class FrictionChannel:
     limit, index : FrictionLimit, int
     machine : FrictionPlant
     place : (int, int)
-        Row of the measured position, column of a disturbance of it, of the responses H.
+        Row of the measured position and column of a disturbance of it, in the responses H.
     plant : control.StateSpace
         G_d, from force to measured position.
     dt, delay : float
@@ -144,18 +144,18 @@ class FrictionChannel:
 
     @property
     def rows(self) -> np.ndarray:
-        """Return the row of H that it reads."""
+        """Return the row of H for the channel."""
         return np.array([self.place[0]])
 
     @property
     def columns(self) -> np.ndarray:
-        """Return the column of H that it reads."""
+        """Return the column of H for the channel."""
         return np.array([self.place[1]])
 
     def lines(self, poles: np.ndarray) -> np.ndarray:
         """Return (W,) true frequencies [rad/s] for the multipliers: logarithmic and linear, up to Nyquist.
 
-        From a tenth of the slowest pole on: below it the test has its limit, and rounding grows.
+        They begin at a tenth of the slowest pole: below it the test has its limit, and rounding grows.
         """
         size = np.abs(poles)[np.abs(poles) > 0]
         top = _BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
@@ -206,7 +206,7 @@ class FrictionChannel:
         return [(float(1 + q / size), Q)]
 
     def best_multipliers(self, omega: np.ndarray, H: np.ndarray) -> Multipliers:
-        """Return the multipliers that dissipate the largest share at every frequency, of those that are tried."""
+        """Return the multipliers of the largest dissipated share over all frequencies, among those tried."""
         assert self.limit.friction is not None
         friction, M = self.limit.friction, self.mobility(omega, H)
         best: tuple[float, Multipliers | None] = (-np.inf, None)

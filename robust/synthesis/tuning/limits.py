@@ -1,4 +1,4 @@
-"""Limits on closed-loop channels: what is asked of a design, and the gain over frequency that each of them bounds."""
+"""Limits on closed-loop channels: the gain over frequency that each of them bounds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from robust.synthesis.tuning.worst import (
     scaled_slopes,
 )
 
-#: A gain over frequency, as a user gives it and as it is held: a number, a system, a function of omega (W,) [rad/s].
+#: A gain over frequency, as given or as stored: a number, a system, a function of omega (W,) [rad/s].
 Magnitude: TypeAlias = "float | LinearSystem | Callable[[np.ndarray], ArrayLike]"
 Asked = TypeVar("Asked")
 
@@ -43,17 +43,17 @@ class Limit:
     ------
     inputs, outputs : str or list of str
         Signals. Inputs act where a system, plant or block reads a signal of that name; an output is the sum of all
-        that drive it. The gain is the largest singular value over all of them.
+        systems that drive it. The gain is the largest singular value over all of them.
     bound : float, control system or callable
         Largest gain allowed [unit of outputs over inputs]: a number, |bound(j omega)|, or a function of omega (W,) in
-        rad/s. In `soft` the scale: the largest ratio of a gain to its bound is made as small as can be.
+        rad/s. In `soft` it is the scale: the largest ratio of a gain to its bound is minimised.
     band : (float, float), optional
-        Lowest and highest frequency looked at [rad/s]; all when not given.
+        Lowest and highest frequency of the limit [rad/s]; all by default.
     weight : float, control system or callable
-        What the gain is multiplied by, as `bound`. A system must be stable.
+        Factor on the gain, of the same types as `bound`. A system must be stable.
     worst : bool
-        The limit of every plant of the set, not of the nominal one. Every plant has to be an UncertaintyModel, or a Bla
-        of one input and output.
+        If True, the limit is for every plant of the set and not for the nominal one. Every plant has to be an
+        UncertaintyModel, or a Bla with one input and output.
 
     Raises
     ------
@@ -97,11 +97,11 @@ class Limit:
 
     @property
     def is_constant(self) -> bool:
-        """Return whether bound and weight are numbers."""
+        """Return True if bound and weight are numbers."""
         return isinstance(self.bound, float) and isinstance(self.weight, float)
 
     def weighting(self, dt: float) -> control.StateSpace | None:
-        """Return the weight over the bound as a system on the time base of the loop; None where it is not one."""
+        """Return the weight over the bound as a system on the time base of the loop; None if it is not one."""
         found = []
         for part in (self.weight, self.bound):
             part = control.StateSpace([], [], [], [[part]], dt) if isinstance(part, float) else part
@@ -113,7 +113,7 @@ class Limit:
 
     @property
     def systems(self) -> tuple[control.StateSpace, ...]:
-        """Return weight and bound where they are systems: their poles and zeros belong to what is looked at."""
+        """Return weight and bound if they are systems: their poles and zeros give frequencies for the grid."""
         return tuple(part for part in (self.weight, self.bound) if isinstance(part, control.StateSpace))
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ class Limit:
 
 
 def _magnitude(name: str, given: Magnitude) -> Magnitude:
-    """Return a number, a stable system with one input and output, or a callable; or a refusal."""
+    """Return a number, a stable system with one input and output, or a callable; refuse others."""
     if isinstance(given, control.StateSpace | control.TransferFunction):
         system = state_space(name, given)
         if not is_stable(system):
@@ -134,7 +134,7 @@ def _magnitude(name: str, given: Magnitude) -> Magnitude:
 
 
 def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.ndarray:
-    """Return (W,) a magnitude over frequency, positive and finite or a refusal."""
+    """Return (W,) a magnitude over frequency; refuse one that is not positive and finite."""
     if isinstance(given, float):
         return np.full(np.size(omega), given)
     if isinstance(given, control.StateSpace):
@@ -151,7 +151,7 @@ def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.nd
 
 
 def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -> list[Asked]:
-    """Check limits as a list, or a refusal."""
+    """Return limits as a list; refuse others."""
     limits = [given] if isinstance(given, kinds) else given
     if not isinstance(limits, tuple | list) or not all(isinstance(one, kinds) for one in limits):
         raise ValueError(f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}")
@@ -163,19 +163,19 @@ def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -
 
 @value(copy=False)
 class Channel:
-    """A limit on the loop of one plant: which rows and columns of H it reads.
+    """A limit on the loop of one plant, with its rows and columns of H.
 
     Fields
     ------
     limit : Limit
     index : int
-        Its number, hard limits first.
+        Number of the limit, hard limits first.
     hard : bool
     rows, columns : (.,) ndarray of int
     perturbation : (ndarray of int, ndarray of int) or None
-        Of a worst case: rows of the plant inputs, columns of disturbances at plant inputs and outputs.
+        For a worst case: rows of the plant inputs, columns of disturbances at plant inputs and outputs.
     blocks : tuple of (int, int)
-        Of a worst case: the blocks of Delta.
+        For a worst case: the blocks of Delta.
     """
 
     limit: Limit
@@ -188,17 +188,17 @@ class Channel:
 
     @property
     def is_scaled(self) -> bool:
-        """Return whether its worst case is a bound by scalings: all but one scalar Delta in a scalar channel."""
+        """Return True if the worst case is a bound by scalings: in all cases but one scalar Delta, scalar channel."""
         return self.perturbation is not None and (self.blocks, self.rows.size, self.columns.size) != (ONE_DISC, 1, 1)
 
     @property
     def places(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-        """Return rows of H, of the plant inputs and of the limit, and its columns."""
+        """Return the rows of H for the plant inputs and for the limit, and the columns."""
         assert self.perturbation is not None
         return (self.perturbation[0], self.rows), (self.perturbation[1], self.columns)
 
     def gain(self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None) -> np.ndarray:
-        """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) where the limit has some."""
+        """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) if the limit has them."""
         if self.perturbation is None:
             return _largest_singular_values(H[:, self.rows[:, None], self.columns])
         assert perturbation is not None
@@ -206,7 +206,7 @@ class Channel:
         return disc_gain(N, smooth=True) if d is None else scaled_gain(N, self.blocks, d)
 
     def exact_gain(self, H: np.ndarray, perturbation: Perturbation | None) -> np.ndarray:
-        """Return the unweighted gain (W,) as it is reported, with the best scalings; inf where the set destabilises."""
+        """Return the unweighted gain (W,) of the report, with the best scalings; inf if the set destabilises."""
         if self.perturbation is None:
             return self.gain(H, None, None)
         assert perturbation is not None
@@ -216,7 +216,7 @@ class Channel:
     def slopes(
         self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None
     ) -> list[tuple[float, np.ndarray]]:
-        """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two where they are close."""
+        """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two if they are close."""
         if self.perturbation is None:
             found = []
             for sigma, u, v in _leading_singular_vectors(H[self.rows[:, None], self.columns]):
@@ -237,14 +237,14 @@ class Channel:
 
 
 def _largest_singular_values(H: np.ndarray) -> np.ndarray:
-    """Return (W,) of (W, m, n)."""
+    """Return (W,) largest singular values of (W, m, n)."""
     if 1 in H.shape[1:]:
         return np.sqrt((np.abs(H) ** 2).sum(axis=(1, 2)))
     return np.linalg.svd(H, compute_uv=False)[:, 0]
 
 
 def _leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """Return the largest singular value with its vectors, and the second where it comes close."""
+    """Return the largest singular value with its vectors, and the second one if it is close."""
     U, sigma, V = np.linalg.svd(H, full_matrices=False)
     return [
         (float(s), U[:, k], V[k].conj()) for k, s in enumerate(sigma[:2]) if k == 0 or s > SECOND_VALUE_RATIO * sigma[0]

@@ -30,19 +30,19 @@ from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_boun
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
 _N_LINES, _N_PEAKS, _N_ROUNDS = 70, 6, 4
-#: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
+#: Frequencies of the final evaluation for a limit that is not a norm, and around each lightly damped pole.
 _N_DENSE, _N_AROUND, _N_BAND = 1500, 41, 300
-#: Local maxima that count: at least so much of the highest.
+#: Least height of a local maximum over the highest one.
 _NEAR_PEAK_RATIO = 0.7
-#: How far above a value the exact norm may be before a frequency is added, relative.
+#: Relative excess of the exact norm over a value, above which a frequency is added.
 _NORM_TOLERANCE = 1e-8
-#: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
+#: Steps above a value at which the exact norm is tried, the first ones for a value close to a singular value of D.
 _DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
 _MAX_KEPT = 24
 AnyChannel = Channel | FrictionChannel
-#: Of the scalings of a worst case: how often lines are put between others, and the level above the best from which on.
+#: For the scalings of a worst case: rounds that insert lines, and the relative level above the best that causes one.
 _N_SCALING_ROUNDS, _SCALING_TOLERANCE = 3, 1e-3
-#: Frequencies of which the best scalings are found together.
+#: Number of frequencies whose best scalings are computed together.
 _N_TOGETHER = 60
 
 
@@ -55,7 +55,7 @@ def _bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
 
 
 def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
-    """Return frequencies [rad/s] of those in the plane of the bilinear map."""
+    """Return true frequencies [rad/s] for those in the plane of the bilinear map."""
     return 2 / dt * np.arctan(np.asarray(image) * dt / 2) if dt else np.asarray(image, dtype=float)
 
 
@@ -68,11 +68,11 @@ class Peak:
     limit, plant : int
     hard : bool
     omega : float
-        In the plane of the bilinear map [rad/s].
+        Frequency in the plane of the bilinear map [rad/s].
     level : float
         log of gain times weight over bound.
     gradient : (p,) ndarray
-        Of the level, over the coordinates.
+        Derivative of the level by the coordinates.
     """
 
     limit: int
@@ -85,14 +85,14 @@ class Peak:
 
 @value(copy=False)
 class CloseLook:
-    """Hold the value of a limit on one plant, from its norm or from dense lines.
+    """Final value of a limit on one plant, from its norm or from dense lines.
 
     Fields
     ------
     ratio, omega : float
-        Largest gain times weight over bound, and where in the plane of the bilinear map [rad/s].
+        Largest gain times weight over bound, and its frequency in the plane of the bilinear map [rad/s].
     n_lines : int
-        Frequencies looked at; 0 where no frequency has a larger one.
+        Number of frequencies; 0 if no frequency has a larger ratio.
     """
 
     ratio: float
@@ -101,13 +101,13 @@ class CloseLook:
 
 
 class ModelledLoop:
-    """Evaluate the loop of a plant that is known at every frequency."""
+    """The loop of a plant that is known at every frequency."""
 
     def __init__(
         self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[AnyChannel], dt: float
     ) -> None:
         self.index, self.fixed, self.plant, self.channels, self.dt = index, fixed, plant, channels, dt
-        #: Frequencies at which a limit was found above its value on the grid, kept for good: by limit.
+        #: Frequencies at which a limit exceeded its value on the grid, kept for the rest of the search, by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
         #: Scalings of worst cases and multipliers of friction limits, by limit.
         self.scalings: dict[int, Scalings] = {}
@@ -131,7 +131,7 @@ class ModelledLoop:
         return np.abs((found + top) % (2 * top) - top) if self.dt else found
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """Return the loop with the blocks M; None where it has no solution, or none of finite numbers."""
+        """Return the loop with the blocks M; None if it has no solution, or one that is not finite."""
         loop = self.fixed.close(M)
         return loop if loop is not None and np.isfinite(loop.A).all() else None
 
@@ -143,7 +143,7 @@ class ModelledLoop:
         return float(low), float(high)
 
     def levels(self, channel: AnyChannel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
-        """Return (W,) gain times weight over bound at frequencies of the plane: as the search has it, or exact."""
+        """Return (W,) gain times weight over bound at frequencies of the plane, of the search or exact."""
         true = true_frequency(omega, self.dt)
         if isinstance(channel, FrictionChannel):
             return channel.levels(true, H, self.multipliers[channel.index])
@@ -161,16 +161,16 @@ class ModelledLoop:
         return np.where(known, gain * factor, 0.0)
 
     def perturbation(self, true: np.ndarray) -> Perturbation:
-        """Return where the perturbation of the set reads and acts."""
+        """Return the ports of the perturbation of the set."""
         assert self.plant.perturbation is not None
         return self.plant.perturbation(true)
 
     def scalings_at(self, channel: AnyChannel, omega: np.ndarray) -> np.ndarray | None:
-        """Return the scalings (W, K) that the search has kept; None where the limit has none."""
+        """Return the scalings (W, K) of the search; None if the limit has none."""
         return self.scalings[channel.index].at(omega) if channel.is_scaled else None
 
     def refit_scalings(self, loop: ClosedLoop) -> None:
-        """Find the scalings of the worst cases again for a loop, closer together where lines are too few for them."""
+        """Fit the scalings of the worst cases to a loop again, on more lines where these are too sparse."""
         for channel in self.channels:
             if isinstance(channel, FrictionChannel):
                 true = channel.lines(loop.poles)
@@ -193,11 +193,11 @@ class ModelledLoop:
                 omega = np.union1d(omega, tops)
 
     def respond(self, loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-        """Return how responses are computed: from the modes, for a friction limit without their rounding."""
+        """Return the function for responses: from the modes, or without their rounding for a friction limit."""
         return loop.responses_by_elimination if self.has_friction else loop.responses
 
     def grid(self, loop: ClosedLoop) -> np.ndarray:
-        """Return frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
+        """Return frequencies that resolve every mode of the loop [rad/s], with zero and infinity."""
         poles = loop.poles
         size = np.abs(poles)
         size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
@@ -208,7 +208,7 @@ class ModelledLoop:
         )
 
     def highest_maxima(self, loop: ClosedLoop) -> list[tuple[AnyChannel, np.ndarray, np.ndarray]]:
-        """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
+        """Return for each limit the frequencies of its highest local maxima, and the levels there, highest first."""
         omega = self.grid(loop)
         respond = self.respond(loop)
         H = respond(omega)
@@ -239,7 +239,7 @@ class ModelledLoop:
         rounds: int = _N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
+        """Refine local maxima: brackets shrink to a quarter in each of n steps; exact: as in the report."""
         respond = loop.responses_by_elimination if exact else self.respond(loop)
         places = _highest_places(level)
         best, value_ = omega[places], level[places]
@@ -278,7 +278,7 @@ class ModelledLoop:
     def peaks_at(
         self, channel: AnyChannel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
     ) -> list[Peak]:
-        """Return a limit at one frequency: its level and slope, and those of a second singular value."""
+        """Return the level and the slope of a limit at one frequency, and those of a second singular value."""
         H, L, R = sides
         true = true_frequency(np.array([omega]), self.dt)
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
@@ -295,9 +295,9 @@ class ModelledLoop:
         )
 
     def raise_norms(self, loop: ClosedLoop) -> dict[int, tuple[float, float, bool]]:
-        """Find the largest level of each limit, its frequency, and whether none is higher (Bruinsma & Steinbuch 1990).
+        """Find the largest level of each limit, its frequency, and if none is higher (Bruinsma & Steinbuch 1990).
 
-        Frequencies found above the grid are kept for good.
+        Frequencies found above the grid are kept for the rest of the search.
         """
         found = {}
         for channel, omega, _ in self.highest_maxima(loop):
@@ -314,7 +314,7 @@ class ModelledLoop:
         return found
 
     def look_closely(self, loop: ClosedLoop) -> dict[int, CloseLook]:
-        """Return every limit: as a norm where it is one, else on lines much denser than those of the search."""
+        """Return every limit: as a norm if it is one, otherwise on lines much denser than those of the search."""
         norms, looks = self.raise_norms(loop), {}
         for channel in self.channels:
             level, omega, certain = norms[channel.index]
@@ -323,7 +323,7 @@ class ModelledLoop:
         return looks
 
     def look_densely(self, loop: ClosedLoop, channel: AnyChannel, level: float, where: float) -> CloseLook:
-        """Return a limit that is no norm, by a weight over frequency or a set, on a dense grid."""
+        """Return a limit that is not a norm, because of a weight over frequency or a set, on a dense grid."""
         poles, (low, high) = loop.poles, self.band(channel)
         size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
         light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
@@ -338,7 +338,7 @@ class ModelledLoop:
         k = int(np.argmax(levels))
         if channel.is_scaled:
             level, where = float(levels[k]), float(at[k])
-        if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
+        if levels[k] > level * (1 - 1e-3):  # the maximum between two lines of the grid
             peak = slice(max(k - 1, 0), k + 2)
             tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * _N_ROUNDS, exact=True)
             if heights[0] > level:
@@ -349,7 +349,7 @@ class ModelledLoop:
     def highest_levels(self, loop: ClosedLoop, channel: AnyChannel, omega: np.ndarray) -> np.ndarray:
         """Return (W,) exact levels; with scalings only where they may be the highest, zero elsewhere.
 
-        The scalings of the search prove a bound at every frequency: where that is below an exact level found, no exact
+        The scalings of the search prove a bound at every frequency: where it is below an exact level found, no exact
         level is higher.
         """
         H = loop.responses_by_elimination(omega)
@@ -378,7 +378,7 @@ class ModelledLoop:
         return np.union1d(np.geomspace(low, high, _N_BAND), grid[(grid >= low) & (grid <= high)])
 
     def keep(self, limit: int, omega: float) -> None:
-        """Remember a frequency, the latest of many."""
+        """Keep a frequency; of many, the latest are kept."""
         kept = self.added[limit]
         if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
             kept.append(omega)
@@ -386,7 +386,7 @@ class ModelledLoop:
 
 
 def _highest_places(level: np.ndarray) -> np.ndarray:
-    """Return where the highest local maxima of a level (W,) are, the highest first."""
+    """Return the indices of the highest local maxima of a level (W,), the highest first."""
     padded = np.concatenate([[-np.inf], level, [-np.inf]])
     top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= _NEAR_PEAK_RATIO * level.max(initial=0.0))
     places = np.flatnonzero(top)
@@ -394,7 +394,7 @@ def _highest_places(level: np.ndarray) -> np.ndarray:
 
 
 def _weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float) -> Matrices:
-    """Return matrices of a channel with its weight behind it, on each output."""
+    """Return the matrices of a channel with its weight on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
     Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
     p = len(channel.rows)
@@ -411,7 +411,7 @@ def _weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: contr
 def _norm_over_band(
     matrices: Matrices, best: float, *, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
-    """Return the norm over a band, its frequency, and whether the Hamiltonian has no crossing above it."""
+    """Return the norm over a band, its frequency, and True if the Hamiltonian has no crossing above it."""
     system, certain = well_conditioned(matrices), False
     for _ in range(20):
         raised = False
@@ -476,7 +476,7 @@ class _ClosedLines:
 
 
 class MeasuredLoop:
-    """Evaluate the loop of a plant that is known on lines: nothing is computed between them."""
+    """The loop of a plant that is known on lines: nothing is computed between them."""
 
     def __init__(
         self,
@@ -490,7 +490,7 @@ class MeasuredLoop:
         n_looked_at: int,
         sizes: tuple[int, int, int],
     ) -> None:
-        """fixed: from (inputs, plant outputs, what blocks drive) to (looked at, plant inputs, what blocks read)."""
+        """fixed: from (inputs, plant outputs, block outputs) to (outputs of limits, plant inputs, block inputs)."""
         self.index, self.plant, self.channels, self.dt = index, plant, channels, dt
         self.n_states, self.n_in, self.n_out = sizes
         n_y, n_u = plant.G.shape[:2]
@@ -522,7 +522,7 @@ class MeasuredLoop:
         return D + C @ Phi @ B, left, right
 
     def responses(self, M: np.ndarray) -> np.ndarray | None:
-        """Return (W, outputs, inputs) on the lines; None where the loop has no solution on one."""
+        """Return (W, outputs, inputs) on the lines; None if the loop has no solution on one."""
         K, _, _ = self.blocks_at(M)
         try:
             return self.P11 + self.P12 @ K @ np.linalg.solve(np.eye(self.n_in) - self.P22 @ K, self.P21)
@@ -530,7 +530,7 @@ class MeasuredLoop:
             return None
 
     def band(self, channel: Channel) -> np.ndarray:
-        """Return lines of a limit."""
+        """Return a mask of the lines in the band of a limit."""
         omega = self.plant.omega
         low, high = channel.limit.band or (0.0, np.inf)
         return (omega >= low) & (omega <= high)
@@ -545,16 +545,16 @@ class MeasuredLoop:
         return np.where(self.band(channel), gain * channel.limit.factor(self.plant.omega), 0.0)
 
     def scalings_on_lines(self, channel: Channel) -> np.ndarray | None:
-        """Return the scalings (W, K) that the search has kept; None where the limit has none."""
+        """Return the scalings (W, K) of the search; None if the limit has none."""
         return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
 
     def close(self, M: np.ndarray) -> _ClosedLines | None:
-        """Return the loop with the blocks M; None where it has no solution, or the lines do not show it stable."""
+        """Return the loop with the blocks M; None if it has no solution, or the lines do not show that it is stable."""
         H = self.responses(M) if all(self.stability_by_winding(M)) else None
         return None if H is None else _ClosedLines(M=M, H=H)
 
     def refit_scalings(self, loop: _ClosedLines) -> None:
-        """Find the scalings of the worst cases again for a loop."""
+        """Fit the scalings of the worst cases to a loop again."""
         for channel in self.channels:
             if channel.is_scaled:
                 assert self.plant.perturbation is not None
@@ -593,7 +593,7 @@ class MeasuredLoop:
         return found
 
     def raise_norms(self, loop: _ClosedLines) -> dict[int, tuple[float, float, bool]]:
-        """Return the largest level of each limit on the lines, and where in the plane of the bilinear map."""
+        """Return the largest level of each limit on the lines, and its frequency in the plane of the bilinear map."""
         found = {}
         for channel in self.channels:
             level = self.levels(channel, loop.H, exact=True)
@@ -619,7 +619,7 @@ class MeasuredLoop:
         }
 
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
-        """Return the controller that fixed parts and blocks make of plant outputs to inputs; None: no solution."""
+        """Return the controller of fixed parts and blocks from plant outputs to inputs; None: no solution."""
         (A, B, C, D), n_w, n_z = self.around
         n = self.n_states
         fixed = control.StateSpace(A, B[:, n_w:], C[n_z:], D[n_z:, n_w:], remove_useless_states=False)
@@ -632,7 +632,7 @@ class MeasuredLoop:
         return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
 
     def stability_by_winding(self, M: np.ndarray) -> tuple[bool, bool]:
-        """Return whether the loop is stable by its winding number, and whether the lines resolve that."""
+        """Return True if the loop is stable by its winding number, and True if the lines resolve that."""
         K = self.seen_by_plant(M)
         if K is None:
             return False, False

@@ -4,7 +4,7 @@
     improve       in turns until a round gains nothing: sequential quadratic programs for the minimax of all peaks
                   (after Curtis, Mitchell & Overton 2017), then BFGS on the exact penalty
 
-A quadratic program stalls where peaks come and go, BFGS is slow where they stay: each goes on from the other.
+A quadratic program stalls if peaks come and go; BFGS is slow if they stay. Each continues from the other.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, Tunin
 
 #: Relative gain of a round below which the search ends.
 _ROUND_GAIN = 2e-5
-#: The same of the points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.
+#: The same for points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.
 _SAMPLED_GAIN = 2e-4
 _N_ROUNDS, _N_SQP, _N_BFGS = 20, 40, 200
-#: Weights of the hard limits, the next where they are still missed.
+#: Weights of the hard limits; the next one is for limits that are still missed.
 _PENALTIES = (10.0, 100.0, 1000.0)
-#: How often a closer look sends the search back, and from which excess on (log).
+#: Largest number of closer evaluations that restart the search, and the excess (log) that causes one.
 _N_LOOKS, _LOOK_TOLERANCE = 3, 2e-6
-#: Around a stalled design: distances in coordinates, and how many points at most.
+#: Around a stalled design: distances in coordinates, and the largest number of points.
 _SAMPLING_RADII, _MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
-#: Rounds of new scalings at most, and the gain (log) from which on there is another. Of a 2 by 2 plant under two PIDs
+#: Largest number of rounds with new scalings, and the gain (log) that causes another. For a 2 by 2 plant with two PIDs
 #: the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more together 0.003.
 _N_SCALINGS, _SCALED_GAIN = 6, 1e-3
-#: Level (log) below that of the start from which on a limit counts as zero.
+#: Level (log) relative to the start at and below which a limit counts as zero.
 _MIN_LOG_GAIN = float(np.log(1e-10))
 _WOLFE = 1e-4, 0.5
-Found = TypeVar("Found")  # what a function has beside its value and slope
+Found = TypeVar("Found")  # result of a function besides its value and slope
 
 
 # ---- Stability.
 
 
 def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Evaluation:
-    """Search from coordinates for a design whose poles all decay as demanded; else return the last one."""
+    """Search from coordinates for a design whose poles all decay as required; otherwise return the last one."""
     low, high = problem.controller.lower, problem.controller.upper
 
     def function(x: np.ndarray) -> tuple[float, np.ndarray, Evaluation]:
@@ -132,7 +132,7 @@ def minimise_from(problem: TuningProblem, start: Evaluation) -> Evaluation:
 
 
 def _evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evaluation:
-    """Return the same design with the scalings of its worst cases found again."""
+    """Return the same design with the scalings of its worst cases fitted again."""
     if not problem.has_scalings:
         return current
     problem.refit_scalings(current.x)
@@ -140,7 +140,7 @@ def _evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Eval
 
 
 def _evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation:
-    """Return the same design evaluated again where a closer look found a limit above what the search saw of it."""
+    """Return the same design, evaluated again if a closer evaluation raised a limit."""
     known = _highest_levels(current)
     for k, looks in enumerate(problem.look_closely(current.x)):
         for limit, look in looks.items():
@@ -180,7 +180,7 @@ def _minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) ->
 
 
 def _is_done(current: Evaluation, start: Evaluation) -> bool:
-    """Return whether nothing is left to minimise: hard limits alone are met, or soft ones are zero."""
+    """Return True if nothing is left to minimise: hard limits alone are met, or soft ones are zero."""
     has_soft = any(not peak.hard for peak in current.peaks)
     if current.hard > 0:
         return False
@@ -188,7 +188,7 @@ def _is_done(current: Evaluation, start: Evaluation) -> bool:
 
 
 def _evaluate_at_exact_peaks(problem: TuningProblem, current: Evaluation) -> Evaluation:
-    """Return the same design, its peaks looked for again where the exact norm was found above them."""
+    """Return the same design with new peaks if the exact norm lies above them."""
     for _ in range(3):
         norms = problem.norms(current.x)
         known, missed = _highest_levels(current), 0.0
@@ -224,10 +224,9 @@ def _descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float)
 
 
 def _sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
-    """Step by gradient sampling: on the peaks of nearby points, where neither programs nor BFGS improve.
+    """Step by gradient sampling: on the peaks of nearby points, if neither programs nor BFGS improve.
 
-    Beside a kink the peaks of one point alone say too little of which way all of them fall (Burke, Lewis & Overton
-    2005).
+    Near a kink the peaks of one point do not show a common direction of descent (Burke, Lewis & Overton 2005).
     """
     rng, n = np.random.default_rng(0), current.x.size
     low, high = problem.controller.lower, problem.controller.upper
@@ -252,7 +251,7 @@ def _sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> E
 
 
 def _sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
-    """Step by quadratic programs on the peaks, as long as they improve the merit; rho weighs the hard limits in it."""
+    """Step by quadratic programs on the peaks while they improve the merit; rho weighs its hard limits."""
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)
@@ -299,7 +298,7 @@ def _sequential_programs(problem: TuningProblem, current: Evaluation, rho: float
 def _lengthen_step(
     problem: TuningProblem, current: Evaluation, *, tried: Evaluation, d: np.ndarray, rho: float
 ) -> tuple[Evaluation, np.ndarray]:
-    """Return the step doubled as long as the merit falls nearly as steeply."""
+    """Return the step, doubled as long as the merit falls nearly as steeply."""
     for _ in range(5):
         longer = problem.evaluate(np.clip(current.x + 2 * d, problem.controller.lower, problem.controller.upper))
         if not longer.merit(rho) < tried.merit(rho) - 0.7 * (current.merit(rho) - tried.merit(rho)):
@@ -309,7 +308,7 @@ def _lengthen_step(
 
 
 def _cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
-    """Return peaks of a failed trial as rows of the next program, lowered so that they hold where the step begins."""
+    """Return peaks of a failed trial as rows of the next program, lowered so that they hold at its start."""
     highest, rows = _highest_levels(current), []
     for peak in tried.peaks:
         if np.isfinite(peak.gradient).all():
@@ -327,10 +326,10 @@ def _quadratic_program(
     rho: float,
     box: float,
 ) -> tuple[np.ndarray, float, list[tuple[Peak, float]]] | None:
-    """Step d of min d'Hd/2 + t + rho sum e, its predicted gain, and the multipliers of the peaks.
+    """Return the step d of min d'Hd/2 + t + rho sum e, its predicted gain, and the multipliers of the peaks.
 
     Soft peaks lie below t, hard ones below the e of their limit and plant, at least zero; poles may lose nine tenths
-    of what they have.
+    of their distance to the limit.
     """
     n = current.x.size
     peaks = [(peak, peak.level) for peak in current.peaks] + [(peak, float(level[0])) for peak, level in cuts]
@@ -357,7 +356,7 @@ def _quadratic_program(
 def _linear_constraints(
     current: Evaluation, peaks: list[tuple[Peak, float]], groups: list[tuple[int, int]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, b of A (d, t, e) <= b: the peaks in their order, t where no peak bounds it, e, and the poles."""
+    """Return A, b of A (d, t, e) <= b: the peaks in their order, t if no peak bounds it, e, and the poles."""
     n = current.x.size
 
     def row(gradient: np.ndarray | float, below: int | None) -> np.ndarray:
@@ -385,7 +384,7 @@ def _linear_constraints(
 def _model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:
     """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus rho violations.
 
-    peaks are with their levels, groups are (limit, plant) of the hard limits.
+    peaks : peaks with their levels; groups : (limit, plant) of the hard limits.
     """
     soft = [level + float(peak.gradient @ d) for peak, level in peaks if not peak.hard]
     total = max(soft) if soft else 0.0
@@ -400,7 +399,7 @@ def _model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list
 
 
 def _lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]) -> np.ndarray:
-    """Return the change of the Lagrangian's slope over a step, each peak against the nearest of its limit and plant."""
+    """Return the change of the Lagrangian's slope over a step; each peak is matched to the nearest of its limit."""
     change = np.zeros(current.x.size)
     for peak, weight in multipliers:
         same = [one for one in tried.peaks if (one.limit, one.plant) == (peak.limit, peak.plant)]
@@ -411,7 +410,7 @@ def _lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list
 
 
 def _frequency_distance(one: float, other: float) -> float:
-    """Return the distance of two frequencies, zero and infinity being near nothing else."""
+    """Return the distance of two frequencies; zero and infinity are close only to themselves."""
     if one == other:
         return 0.0
     if min(one, other) <= 0 or np.isinf(max(one, other)):
@@ -420,7 +419,7 @@ def _frequency_distance(one: float, other: float) -> float:
 
 
 def _damped_update(H: np.ndarray, s: np.ndarray, *, y: np.ndarray, fresh: bool) -> np.ndarray:
-    """BFGS update that keeps H positive definite (Powell 1978)."""
+    """Return a BFGS update that keeps H positive definite (Powell 1978)."""
     if not s.any() or not np.isfinite(y).all():
         return H
     sy, ss = float(s @ y), float(s @ s)

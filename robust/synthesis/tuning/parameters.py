@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
-_COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
+_COMPLEX_STEP = 1e-30  # without a difference nothing cancels
 
 
 @value
@@ -25,11 +25,11 @@ class Controller:
     parameters : tuple of (str, Parameter)
         Name of the block, and the parameter.
     n_states, n_in, n_out : int
-        Of all blocks together: M has n_states + n_out rows and n_states + n_in columns.
+        Sums over all blocks: M has n_states + n_out rows and n_states + n_in columns.
     lower, upper, start : (p,) ndarray
         Coordinates.
     dt : float
-        Sampling time [s]; 0 where continuous.
+        Sampling time [s]; 0 if continuous.
     """
 
     blocks: dict[str, TunableBlock]
@@ -44,7 +44,7 @@ class Controller:
 
     @property
     def labels(self) -> list[str]:
-        """Return parameters with the names of their blocks."""
+        """Return the names of the parameters, with those of their blocks."""
         return [parameter.label(block) for block, parameter in self.parameters]
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ class Controller:
         )
 
     def assemble(self, x: np.ndarray, along: int | None) -> np.ndarray:
-        """Return M, or its derivative along one coordinate, of whose block alone it is made."""
+        """Return M, or its derivative by one coordinate, from the block of that coordinate alone."""
         M = np.zeros((self.n_states + self.n_out, self.n_states + self.n_in))
         state, row, column, k = 0, self.n_states, self.n_states, 0
         for name, block in self.blocks.items():
@@ -93,7 +93,7 @@ class Controller:
 
 
 def controller_of_blocks(blocks: Mapping[str, TunableBlock], dt: float) -> Controller:
-    """Return the blocks under a clock dt [s], or a refusal where nothing is free."""
+    """Return the blocks at a sampling time dt [s]; refuse blocks without a free parameter."""
     parameters: list[tuple[str, Parameter]] = []
     for name, block in blocks.items():
         try:

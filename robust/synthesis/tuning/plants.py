@@ -1,4 +1,4 @@
-"""Plants as the blocks see them: systems with hold and delay, or FRFs on their lines, each with the discs around it."""
+"""Plants in front of the blocks: systems with hold and delay, or FRFs on their lines, each with the discs around it."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.synthesis.blocks import Names, signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
-#: A plant as a user gives it.
+#: A plant in the arguments of a user.
 PlantModel: TypeAlias = "AnySystem | UncertaintyModel | Bla"
-#: Stands for a radius that is infinite: its square is still a number.
+#: Stands for an infinite radius: its square is still a number.
 _UNBOUNDED_GAIN = 1e30
 
 
 @value(kw_only=False)
 class Plants:
-    """The plant of a design, or several of which each has to meet every limit: levels, positions, loads.
+    """The plant of a design, or several plants that each have to meet every limit: levels, positions, loads.
 
     Fields
     ------
     models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, or a list of them
-        An FRF is known on its lines only. Of a model the nominal is tuned, and its set where a limit is `worst`.
+        An FRF is known on its lines only. For a model the nominal is tuned, and its set if a limit is `worst`.
     inputs, outputs : str or list of str
         Signals, in the order of the channels.
     n_unstable : int
-        Unstable poles of plants that are an FRF.
+        Number of unstable poles of plants that are FRFs.
 
     Raises
     ------
     ValueError
-        Something that is no plant, signals that do not fit its channels, an FRF that is not finite.
+        A value that is not a plant, signals that do not fit its channels, an FRF that is not finite.
 
     References
     ----------
@@ -81,7 +81,7 @@ class Plants:
         object.__setattr__(self, "models", models)
 
     def check_channels(self, name: str, model: PlantModel) -> None:
-        """Refuse what is no plant, or has other channels."""
+        """Refuse a value that is not a plant, or one with other channels."""
         if isinstance(model, Bla):
             shape = (model.n_outputs, model.n_inputs)
         elif isinstance(model, control.FrequencyResponseData):
@@ -102,20 +102,20 @@ class Plants:
 
 @value(copy=False)
 class ModelledPlant:
-    """A plant that is known at every frequency, as the blocks see it.
+    """A plant that is known at every frequency, in front of the blocks.
 
     Fields
     ------
     system : control.StateSpace
-        Hold and delay inside.
+        System, hold and delay included.
     lines : (.,) ndarray
-        Frequencies [rad/s] to be looked at.
+        Frequencies [rad/s] for the grid.
     perturbation : callable or None
-        True frequencies (W,) [rad/s] -> where the perturbation of the set reads and acts.
+        True frequencies (W,) [rad/s] -> ports of the perturbation of the set.
     blocks : tuple of (int, int)
         The blocks of the perturbation.
     set_systems : tuple of control.StateSpace
-        Nominal and weights of the set, whose poles and zeros the perturbation has.
+        Nominal and weights of the set; the perturbation has their poles and zeros.
     """
 
     system: control.StateSpace
@@ -127,21 +127,21 @@ class ModelledPlant:
 
 @value(copy=False)
 class MeasuredPlant:
-    """An FRF as the blocks see it.
+    """An FRF in front of the blocks.
 
     Fields
     ------
     omega : (W,) ndarray
-        Lines [rad/s]; of one channel with frequencies below the first, where it goes on as its likeliest reading.
+        Lines [rad/s]; for one channel also frequencies below the first, with its likeliest continuation.
     G : (n_y, n_u, W) complex ndarray
-        Hold and delay inside.
+        FRF, hold and delay included.
     perturbation : Perturbation or None
-        Where the perturbation of the set reads and acts, on the lines.
+        Ports of the perturbation of the set, on the lines.
     n_unstable : int
     readings : tuple of Reading
-        What it may be below its first line; of several channels of the determinant.
+        Possible continuations below its first line; for several channels those of the determinant.
     first : float
-        That line [rad/s].
+        First measured line [rad/s].
     """
 
     omega: np.ndarray
@@ -154,12 +154,12 @@ class MeasuredPlant:
 
     @property
     def on_lines(self) -> np.ndarray:
-        """Return (W,) which frequencies are measured lines."""
+        """Return (W,) True for measured lines."""
         return np.asarray(self.omega >= self.first)
 
 
 def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
-    """Return every plant behind hold and delay, with its set where a limit asks for it."""
+    """Return every plant behind hold and delay, with its set if a limit needs it."""
     return [
         _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
         for k, model in enumerate(plants.models)
@@ -169,7 +169,7 @@ def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[
 def _see_plant(
     name: str, model: PlantModel, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
-    """One plant behind hold and delay."""
+    """Return one plant behind hold and delay."""
     if worst:
         _require_set(name, model)
     if is_known_on_lines(model):
@@ -193,7 +193,7 @@ def _see_plant(
 
 
 def _see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
-    """Return a set of one channel behind hold and delay."""
+    """Return a set for one channel behind hold and delay."""
     loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
@@ -239,7 +239,7 @@ def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: flo
 
 
 def _is_single_set(model: object) -> TypeGuard[UncertaintyModel]:
-    """Return whether it is an uncertainty model of one input and one output."""
+    """Return True for an uncertainty model with one input and one output."""
     return isinstance(model, UncertaintyModel) and model.is_single
 
 
@@ -254,7 +254,7 @@ def _require_set(name: str, model: object) -> None:
 
 
 def _perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
-    """Return the set of one channel as `check` has it: of a continuous set under a clock with all aliases."""
+    """Return the set for one channel as in `check`: a sampled loop with a continuous set includes all aliases."""
     row = FORMS[loop.form]
 
     def at(omega: np.ndarray) -> Perturbation:
@@ -286,15 +286,15 @@ def _disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
 
 
 def is_bounded(perturbation: Perturbation) -> np.ndarray:
-    """Return (W,) whether the set is bounded: not at a pole on the axis, where its neighbours count."""
+    """Return (W,) True where the set is bounded; at a pole on the axis its neighbours count instead."""
     return np.abs(perturbation.drives).max(axis=(1, 2)) < _UNBOUNDED_GAIN
 
 
 def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
-    """Return the set of a model of several channels, in its own form."""
+    """Return the set of a model with several channels, in its own form."""
     require_record_form(model, "to tune a controller for its perturbations (dk_iteration takes every form)")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
-    elements = model.form == ELEMENTS  # column i of G after the other, as in `UncertaintyModel.open_loop`
+    elements = model.form == ELEMENTS  # column after column of G, as in `UncertaintyModel.open_loop`
     reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
     acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
     left, right = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt), _stacked(model.right, dt)
@@ -310,7 +310,7 @@ def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray],
 
 
 def _stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
-    """Return weights above each other, of one input: evaluated together they cost little more than one."""
+    """Return weights stacked behind one input: evaluated together they cost little more than one."""
     together = block_diagonal(list(weights), dt)
     ones = np.ones((len(weights), 1))
     return control.StateSpace(
@@ -364,7 +364,7 @@ def _see_measured(
 
 
 def stated_sampling_time(plants: Sequence[PlantModel]) -> float:
-    """Return the sampling time [s] that the plants state; 0 where none does."""
+    """Return the sampling time [s] of the plants; 0 if none has one."""
     sources = [getattr(model, "nominal", model) for model in plants]
     known_on_lines = (Bla, control.FrequencyResponseData)
     return one_sampling_time(multivariable("plant", one).dt for one in sources if not isinstance(one, known_on_lines))

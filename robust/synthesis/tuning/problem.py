@@ -13,21 +13,21 @@ from robust.synthesis.tuning.closing import ClosedLoop
 from robust.synthesis.tuning.loops import CloseLook, MeasuredLoop, ModelledLoop, Peak
 from robust.synthesis.tuning.parameters import Controller
 
-#: What hard limits are kept under, relative: what is met to rounding is then met.
+#: Relative margin below the bound of hard limits, so that they are met in spite of rounding.
 HARD_LIMIT_MARGIN = 1e-5
-#: Poles that are looked at beside the one that decides.
+#: Poles that are evaluated besides the one that decides.
 _N_POLES = 4
-_FIXED_MODE_TOLERANCE = 1e-6  # relative distance from a pole that nothing moves
-_STABILITY_TOLERANCE = 1e-9  # of the largest pole: real part from which on a pole that nothing moves is refused
+_FIXED_MODE_TOLERANCE = 1e-6  # relative distance from a fixed pole
+_STABILITY_TOLERANCE = 1e-9  # real part over the largest pole, from which a fixed pole is refused
 
 
 class OutOfTime(Exception):
-    """The time given is over, or the user stopped the search; the best so far is kept."""
+    """The time is over, or the user stopped the search; the best so far is kept."""
 
 
 @value(copy=False)
 class _PoleRow:
-    """Real part of a pole in s, plus the decay asked for [rad/s], and its slope over the coordinates."""
+    """Real part of a pole in s plus the required decay [rad/s], and its slope by the coordinates."""
 
     excess: float
     gradient: np.ndarray
@@ -35,18 +35,18 @@ class _PoleRow:
 
 @value(copy=False)
 class Evaluation:
-    """A design under way.
+    """A design at some coordinates.
 
     Fields
     ------
     x : (p,) ndarray
         Coordinates.
     excess : float
-        Largest real part of a pole plus the decay asked for [rad/s]; inf where a loop has no solution, or an FRF has
+        Largest real part of a pole plus the required decay [rad/s]; inf if a loop has no solution, or an FRF has
         another winding number.
     poles : list of PoleRow
     peaks : list of Peak
-        Of a stable loop.
+        Peaks of a stable loop.
     """
 
     x: np.ndarray
@@ -56,12 +56,12 @@ class Evaluation:
 
     @property
     def stable(self) -> bool:
-        """Return whether every pole decays as fast as asked for."""
+        """Return True if every pole has the required decay."""
         return self.excess < 0
 
     @property
     def soft(self) -> float:
-        """Return the largest level of the soft limits; zero where there are none."""
+        """Return the largest level of the soft limits; zero without any."""
         return max((peak.level for peak in self.peaks if not peak.hard), default=0.0)
 
     @property
@@ -76,15 +76,15 @@ class Evaluation:
 
     @property
     def hard(self) -> float:
-        """Sum of what hard limits are missed by, in logarithms."""
+        """Return the sum of the violations of hard limits, in logarithms."""
         return sum(max(0.0, peak.level + HARD_LIMIT_MARGIN) for peak in self.excesses.values())
 
     def merit(self, rho: float) -> float:
-        """Return the exact penalty: what is made small."""
+        """Return the exact penalty that is minimised."""
         return self.soft + rho * self.hard if self.stable else np.inf
 
     def merit_slope(self, rho: float) -> np.ndarray:
-        """Return the slope of the merit, of the pieces that decide."""
+        """Return the slope of the merit, for the active pieces."""
         slope = np.zeros(self.x.size)
         soft = [peak for peak in self.peaks if not peak.hard]
         if soft:
@@ -117,15 +117,15 @@ class TuningProblem:
     # ---- Evaluation.
 
     def evaluate(self, x: np.ndarray, *, peaks: bool = True, pole_slopes: bool = True) -> Evaluation:
-        """Return poles, and peaks where every loop is stable."""
+        """Return poles, and peaks if every loop is stable."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
         self.n_evaluated += 1
-        with np.errstate(all="ignore"):  # what overflows is no number, and is refused as such
+        with np.errstate(all="ignore"):  # an overflow is not finite, and is refused as such
             return self.evaluate_in_time(x, peaks=peaks, pole_slopes=pole_slopes)
 
     def evaluate_in_time(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
-        """Return `evaluate`, as long as there is time."""
+        """Return `evaluate` until the time is over."""
         M = self.controller.matrix(x)
         loops = self.close_loops(M)
         if loops is None:
@@ -147,14 +147,14 @@ class TuningProblem:
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
 
     def close_loops(self, M: np.ndarray) -> list[Any] | None:
-        """Return the loops as their scenes have them; None where one has no solution, or winds as no stable one."""
+        """Return the loop of each scene; None if one has no solution, or an unstable winding number."""
         if not np.isfinite(M).all():
             return None
         loops = [scene.close(M) for scene in self.scenes]
         return None if any(loop is None for loop in loops) else loops
 
     def loops_at(self, x: np.ndarray) -> list[tuple[ModelledLoop | MeasuredLoop, Any]]:
-        """Return every scene with its loop, at coordinates where there is one."""
+        """Return every scene with its loop, at coordinates at which there is one."""
         loops = self.close_loops(self.controller.matrix(x))
         assert loops is not None
         return list(zip(self.scenes, loops, strict=True))
@@ -169,7 +169,7 @@ class TuningProblem:
         return np.maximum(found, -1e3 / self.dt)
 
     def movable_poles(self, scene: int, poles: np.ndarray) -> np.ndarray:
-        """Return places of the poles that the blocks move."""
+        """Return indices of the poles that the blocks move."""
         left = np.ones(poles.size, bool)
         for mode in self.fixed_modes[scene]:
             distance = np.where(left, np.abs(poles - mode), np.inf)
@@ -179,17 +179,17 @@ class TuningProblem:
         return np.flatnonzero(left)
 
     def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray) -> _PoleRow:
-        """Return the slope of a pole: d pole = l dM r, carried on to s."""
+        """Return the slope of a pole: d pole = l dM r, converted to s."""
         right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
         if self.dt:
             slope = slope / (1 - (loop.poles[place] * self.dt / 2) ** 2)
         return _PoleRow(excess=excess, gradient=slope.real)
 
-    # ---- What holds for all coordinates.
+    # ---- Properties for all coordinates.
 
     def find_fixed_modes(self, rng: np.random.Generator) -> None:
-        """Poles of the plants that no block moves: those that are there with two different controllers."""
+        """Find the poles of the plants that no block moves: those in common for two different controllers."""
         low, high = self.controller.lower, self.controller.upper
         tried = []
         for _ in range(2):
@@ -234,25 +234,25 @@ class TuningProblem:
                     )
 
     def norms(self, x: np.ndarray) -> list[dict[int, tuple[float, float, bool]]]:
-        """Of each plant the largest level of each limit, where, and whether no frequency has a higher one."""
+        """Return for each plant the largest level of each limit, its frequency, and True if no frequency has more."""
         return [scene.raise_norms(loop) for scene, loop in self.loops_at(x)]
 
     @property
     def has_scalings(self) -> bool:
-        """Return whether a worst case is a bound by scalings, which are found between the rounds of the search."""
+        """Return True if a worst case is a bound by scalings, which are fitted between the rounds of the search."""
         return any(channel.is_scaled for scene in self.scenes for channel in scene.channels)
 
     def refit_scalings(self, x: np.ndarray) -> None:
-        """Find the scalings of the worst cases for the design at x."""
+        """Fit the scalings of the worst cases to the design at x."""
         for scene, loop in self.loops_at(x):
             scene.refit_scalings(loop)
 
     def look_closely(self, x: np.ndarray) -> list[dict[int, CloseLook]]:
-        """Of each plant every limit, as it is said in the end."""
+        """Return for each plant the final value of every limit."""
         return [scene.look_closely(loop) for scene, loop in self.loops_at(x)]
 
     def report(self, evaluation: Evaluation) -> None:
-        """Keep the best, and say how far the search is."""
+        """Keep the best design, and report the progress of the search."""
         if evaluation.stable and (self.best is None or is_better(evaluation, self.best)):
             self.best = evaluation
         if self.progress is not None:
@@ -261,13 +261,13 @@ class TuningProblem:
 
 
 def worst_ratio(evaluation: Evaluation) -> float:
-    """Return the ratio that is shown: that of the worst hard limit while one is missed, else of the soft ones."""
+    """Return the ratio for display: that of the worst hard limit while one is missed, otherwise of the soft ones."""
     hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
     has_soft = any(not peak.hard for peak in evaluation.peaks)
     return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
 
 
 def is_better(one: Evaluation, other: Evaluation) -> bool:
-    """Return whether a design is better: hard limits first, what lies within the margin counts as met."""
+    """Return True if a design is better: hard limits first; a violation within the margin counts as met."""
     first, second = (0.0 if e.hard < 2 * HARD_LIMIT_MARGIN else e.hard for e in (one, other))
     return (first, one.soft) < (second, other.soft)

@@ -45,10 +45,10 @@ from robust.synthesis.tuning.plants import (
 )
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better, worst_ratio
 
-#: Signals of the perturbation, of names that nobody gives.
+#: Signals of the perturbation, with names that no user takes.
 _AT_INPUT, _AT_OUTPUT, _PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
 _ZERO_GAIN = 1e-13
-#: Limits, and whether each is hard, hard ones first.
+#: Limits with True for hard ones, hard ones first.
 Limits = list[tuple[Limit | FrictionLimit, bool]]
 _UNMOVED_TOLERANCE = 1e-9
 
@@ -70,47 +70,49 @@ def tune(
 ) -> TunedDesign:
     """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
 
-    The largest ratio of a soft limit to its bound is made as small as can be while every hard limit is met. The search
-    is local and proves nothing; give the controller that comes out to `check`.
+    Use this for several loops, several plants, or a structure that `design_frf` does not have.
+
+    The largest ratio of a soft limit to its bound is minimised while every hard limit is met. The search is local and
+    proves nothing; give the resulting controller to `check`.
 
     Parameters
     ----------
     system : list of control systems
-        All that is fixed, with named inputs and outputs (`control.summing_junction`, filters, weights). An input is the
+        All fixed parts, with named inputs and outputs (`control.summing_junction`, filters, weights). An input is the
         sum of all outputs of its name, as in `interconnection`.
     plant : Plants
-        One plant, or several of which each meets every limit. Continuous ones are put behind hold and delay where dt is
-        given.
+        One plant, or several that each have to meet every limit. If dt is given, hold and delay are added to continuous
+        ones.
     blocks : dict of str to block
         `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by name; their
         numbers are the first start. A sampled block is its own Tustin image.
     hard, soft : list of Limit
-        What must be met, and what is made small. A `FrictionLimit` is hard.
+        Limits to be met, and limits to be minimised. A `FrictionLimit` is hard.
     decay : float
-        Least decay rate of every pole that a block moves [rad/s]; zero asks for stability.
+        Least decay rate of every pole that a block moves [rad/s]; zero requires stability.
     dt : float
         Sampling time of blocks and system [s]; 0 for continuous ones, or that of a sampled plant.
     delay : float
-        Computation delay [s] at the plant inputs. Without a clock it is a Padé approximation of order 8.
+        Computation delay [s] at the plant inputs. In continuous time it is a Padé approximation of order 8.
     n_starts : int
-        Starts: that of the blocks, and random ones around it. Local optima are common: three is the least.
+        Number of starts: the given blocks, and random ones around them. Local optima are common: take three or more.
     time_cap : float
         Time for all starts together [s].
     rng : numpy Generator or int, optional
-        Of the random starts.
+        For the random starts.
     progress : callable, optional
-        Called with (loops looked at, best ratio so far, seconds left).
+        Function of (loops evaluated, best ratio so far, seconds left).
 
     Returns
     -------
     TunedDesign
-        Interrupted, or out of time, the best so far.
+        The best design; also if interrupted or out of time.
 
     Raises
     ------
     ValueError
-        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or missed wherever the
-        blocks stand; a part that is unstable and that no block reaches; a plant known on lines that the start does not
+        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or missed for all
+        numbers of the blocks; an unstable part that no block reaches; a plant known on lines that the start does not
         stabilise.
 
     References
@@ -174,7 +176,7 @@ def tune(
 
 
 def fixed_parts(system: object, dt: float) -> list[control.StateSpace]:
-    """Return all that is fixed, on the time base of the design, or a refusal."""
+    """Return all fixed parts on the time base of the design; refuse others."""
     if isinstance(system, control.StateSpace | control.TransferFunction):
         system = [system]
     if not isinstance(system, list | tuple):
@@ -255,7 +257,7 @@ def make_loops(
 
 
 def _perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
-    """Return signals through which a perturbation acts, and those it reads."""
+    """Return the signals that a perturbation drives, and those that it reads."""
     into = [f"{_AT_INPUT}{i}" for i in range(n_u)] + [f"{_AT_OUTPUT}{j}" for j in range(n_y)]
     return into, [f"{_PLANT_INPUT}{i}" for i in range(n_u)]
 
@@ -285,7 +287,7 @@ def _channels_of(
     plant: ModelledPlant | MeasuredPlant,
     sizes: tuple[int, int],
 ) -> list[Channel]:
-    """Return which rows and columns of the loop each limit reads, of a plant with so many inputs and outputs."""
+    """Return the rows and columns of the loop for each limit, for a plant with n_u inputs and n_y outputs."""
     perturbation = len(looked_at) + np.arange(sizes[0]), len(external) + np.arange(sum(sizes))
     return [
         Channel(
@@ -303,13 +305,13 @@ def _channels_of(
 
 
 def _limit_name(k: int, limits: Limits) -> str:
-    """Return a limit as the user gave it."""
+    """Return the name of a limit in the arguments."""
     n_hard = sum(is_hard for _, is_hard in limits)
     return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
 
 
 def _require_paths(problem: TuningProblem, limits: Limits) -> None:
-    """Refuse a limit on a channel that is zero whatever the blocks are, and a bound that has no value somewhere."""
+    """Refuse a limit on a channel that is zero for all numbers of the blocks, and a bound without a value somewhere."""
     controller = problem.controller
     rng = np.random.default_rng(1)
     tried = [
@@ -358,7 +360,7 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
 def _search(
     problem: TuningProblem, n_starts: int, deadline: float, rng: np.random.Generator
 ) -> tuple[Evaluation | None, list[float], Ended]:
-    """Return the best of several starts, what each reached, and why it ended."""
+    """Return the best of several starts, the result of each, and the reason of the end."""
     best: Evaluation | None = None
     last: Evaluation | None = None
     spread: list[float] = []
@@ -402,7 +404,7 @@ def _search(
 
 
 def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
-    """Return coordinates of a start: the user's, then random ones; with an FRF one that stabilises it, or None."""
+    """Return coordinates of a start: the user's, then random ones; for an FRF one that stabilises it, or None."""
     controller = problem.controller
     measured = [scene for scene in problem.scenes if isinstance(scene, MeasuredLoop)]
     if k == 0:
@@ -448,7 +450,7 @@ def _require_movable_limits(problem: TuningProblem, current: Evaluation) -> None
                 )
 
 
-# ---- What is said of the design in the end: everything looked at again, more closely.
+# ---- The result: everything evaluated again, more densely.
 
 
 def _make_design(
@@ -463,7 +465,7 @@ def _make_design(
     dt: float,
     delay: float,
 ) -> TunedDesign:
-    """Return the result, every number of it computed again from the design itself."""
+    """Return the result, with every number computed again from the design itself."""
     x = problem.controller.start if found is None else found.x
     values = []
     for k, by_limit in enumerate(problem.look_closely(x) if found is not None and found.stable else []):
@@ -506,7 +508,7 @@ def _make_design(
 
 
 def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
-    """Say of which plants the set is not stable with the controller as a whole, by `worst_case`."""
+    """Describe the plants whose set is not stable with the whole controller, by `worst_case`."""
     K = design.controller(design.plant.outputs, design.plant.inputs)
     found = []
     for k, model in enumerate(design.plant.models):
@@ -514,14 +516,14 @@ def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
             continue
         try:
             stable, why = worst_case(model, K, delay=design.delay).stable, "a plant of its set makes the loop unstable"
-        except ValueError as error:  # the nominal loop cannot be told from one on the boundary
+        except ValueError as error:  # the nominal loop is not distinguishable from one on the boundary
             stable, why = False, str(error)
         found += [] if stable else [f"plant {k}: {why}"]
     return tuple(found)
 
 
 def _limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
+    """Return the ratio of a limit over frequency, for the design and for the given blocks."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
     loop, start = scene.close(problem.controller.matrix(x)), problem.controller.start
@@ -537,7 +539,7 @@ def _limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarr
 
 
 def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
-    """Return whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
+    """Return True if the loop of every plant is stable beyond rounding, on its own time base."""
     M = problem.controller.matrix(x)
     for scene in problem.scenes:
         loop = scene.close(M)
@@ -555,7 +557,7 @@ def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
 
 
 def _has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
-    """Return whether every pole that a block moves decays as asked for."""
+    """Return True if every pole that a block moves has the required decay."""
     poles, _ = poles_with_rounding(closed)
     real, image = to_s_plane(poles, problem.dt).real, poles
     if problem.dt:
@@ -565,14 +567,13 @@ def _has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -
 
 
 def _parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
-    """Return parameters that ended at a bound."""
     width = controller.upper - controller.lower
     near = np.minimum(x - controller.lower, controller.upper - x) < 1e-4 * width
     return [label for label, at in zip(controller.labels, near, strict=True) if at]
 
 
 def _describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
-    """Return what no limit asks for, in words for people."""
+    """Describe the properties that no limit protects."""
     found = []
     integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]
     free = [name for name in integral if "ki" not in controller.blocks[name].fixed]

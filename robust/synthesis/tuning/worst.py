@@ -1,18 +1,18 @@
-"""The worst gain of a closed-loop channel over a set of plants, and how it moves with the loop.
+"""The worst gain of a closed-loop channel over a set of plants, and its derivative by the loop.
 
-The perturbation reads Z u and acts by P at inputs and outputs of the plant. With the loop N around it and the channel,
+The perturbation reads Z u and drives inputs and outputs of the plant by P. With the loop N around it and the channel,
 
     N = [Z 0; 0 I] H [P 0; 0 I],
 
-the gain over the set is the largest sigma(N22 + N21 Delta (I - N11 Delta)^-1 N12) of |Delta| <= 1.
+the gain over the set is the largest sigma(N22 + N21 Delta (I - N11 Delta)^-1 N12) over |Delta| <= 1.
 
-One scalar Delta in a scalar channel: the values fill a disc, and centre plus radius is exact. Otherwise scalings D that
-commute with Delta give the smallest gamma with
+For one scalar Delta and a scalar channel the values fill a disc, and centre plus radius is exact. Otherwise scalings D
+that commute with Delta give the smallest gamma with
 
     (D N D^-1)^H (D N D^-1) <= diag(I, gamma^2 I),      D = diag(d_k I, I) for full blocks,
 
-an upper bound whatever D is (SP 8.10.3). The search keeps D as a function of frequency and finds it again between its
-rounds, as D-K iteration does (SP 8.12); what is reported has the best D at every frequency, which is what `check` has.
+an upper bound for any D (SP 8.10.3). The search keeps D as a function of frequency and fits it again between its
+rounds, as D-K iteration does (SP 8.12); the result uses the best D at every frequency, as in `check`.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from nlfrf._base.values import value
 from robust.mu.gain import gain_bound
 from robust.mu.scalings import conjugate_transpose, upper
 
-#: Distance 1 - |N11|^2 below which the worst case goes on as a tangent, so that a start outside has a slope.
+#: Distance 1 - |N11|^2 below which the worst case is continued by a tangent, so that a start outside has a slope.
 _NEAR_ONE = 1e-6
-#: A second singular value this close to the largest is a peak of its own.
+#: A second singular value within this ratio of the largest is a peak of its own.
 SECOND_VALUE_RATIO = 0.9
 
-#: The blocks of a perturbation, (rows, columns) of N that each closes.
+#: The blocks of a perturbation: for each (rows, columns) of N that it closes.
 Blocks = tuple[tuple[int, int], ...]
 ONE_DISC: Blocks = ((1, 1),)
 
 
 @value(copy=False)
 class Perturbation:
-    """Where the perturbation of a set reads and acts, over frequency.
+    """Ports of the perturbation of a set, over frequency.
 
     Fields
     ------
     reads : (W, n_z, n_u) complex ndarray
-        Z: what it reads of the plant inputs.
+        Z: the combination of plant inputs that it reads.
     drives : (W, n_u + n_y, n_d) complex ndarray
-        P: how it acts at the inputs and the outputs of the plant.
+        P: its effect at the inputs and the outputs of the plant.
     reads_before : bool
-        Whether it reads the plant inputs without what it adds to them itself.
+        True if it reads the plant inputs without its own contribution.
     """
 
     reads: np.ndarray
@@ -54,13 +54,13 @@ class Perturbation:
     reads_before: bool = False
 
     def at(self, k: int) -> Perturbation:
-        """Return it at one frequency."""
+        """Return the perturbation at one frequency."""
         return replace(self, reads=self.reads[[k]], drives=self.drives[[k]])
 
     def pull_out(
         self, H: np.ndarray, rows: tuple[np.ndarray, np.ndarray], columns: tuple[np.ndarray, np.ndarray]
     ) -> np.ndarray:
-        """Return N (W, n_z + p, n_d + m) of responses H; rows and columns of the plant, then of the channel."""
+        """Return N (W, n_z + p, n_d + m) for responses H; rows and columns of the plant, then of the channel."""
         n_z, n_d = self.reads.shape[1], self.drives.shape[2]
         N = np.empty((len(H), n_z + rows[1].size, n_d + columns[1].size), complex)
         of_inputs, of_outputs = H[:, rows[0]], H[:, rows[1]]
@@ -79,7 +79,7 @@ class Perturbation:
         columns: tuple[np.ndarray, np.ndarray],
         shape: tuple[int, ...],
     ) -> np.ndarray:
-        """Return the adjoint of H, of this shape, of the adjoint Q of N at one frequency."""
+        """Return the adjoint for H, of this shape, from the adjoint Q for N at one frequency."""
         n_z, n_d = self.reads.shape[1], self.drives.shape[2]
         Z, P = self.reads[0].conj().T, self.drives[0].conj().T
         found = np.zeros(shape, complex)
@@ -96,8 +96,8 @@ class Perturbation:
 def disc_gain(N: np.ndarray, *, smooth: bool = False) -> np.ndarray:
     """Return (W,) largest |N22 + N21 Delta N12/(1 - N11 Delta)| over |Delta| <= 1, N (W, 2, 2); inf where |N11| >= 1.
 
-    The values fill a disc of centre N22 + N21 N12 conj(N11)/(1 - |N11|^2) and radius |N21 N12|/(1 - |N11|^2). `smooth`
-    carries it on where |N11| >= 1.
+    The values fill a disc with centre N22 + N21 N12 conj(N11)/(1 - |N11|^2) and radius |N21 N12|/(1 - |N11|^2).
+    `smooth` continues it to |N11| >= 1.
     """
     product, square = N[:, 1, 0] * N[:, 0, 1], np.abs(N[:, 0, 0]) ** 2
     if smooth:
@@ -122,36 +122,36 @@ def disc_slope(N: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def _direction(z: complex) -> complex:
-    """Return z/|z|, one of zero."""
+    """Return z/|z|, or one for zero."""
     return z / abs(z) if z else 1.0
 
 
 def _inverse_slack(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1/(1 - a), from 1 - a = NEAR_ONE on its tangent, and the slope over a."""
+    """Return 1/(1 - a), continued by its tangent at 1 - a = NEAR_ONE, and the slope by a."""
     slack = np.maximum(1 - a, _NEAR_ONE)
     return 1 / slack + np.maximum(_NEAR_ONE - (1 - a), 0) / _NEAR_ONE**2, 1 / slack**2
 
 
-# ---- Several perturbations, or a channel of several signals, with scalings.
+# ---- Several perturbations, or a channel with several signals, with scalings.
 
 
 @value(copy=False)
 class Scalings:
-    """Scalings of the blocks over frequency, those of the channel being one.
+    """Scalings of the blocks over frequency; those of the channel are one.
 
     Fields
     ------
     omega : (W,) ndarray
-        Where they were found, increasing [rad/s].
+        Frequencies of the fit, increasing [rad/s].
     log_d : (K, W) ndarray
-        Their logarithms.
+        Logarithms of the scalings.
     """
 
     omega: np.ndarray
     log_d: np.ndarray
 
     def at(self, omega: np.ndarray) -> np.ndarray:
-        """Return (W, K) scalings at any frequencies: any positive numbers prove a bound, those between lines too."""
+        """Return (W, K) scalings at any frequencies: any positive numbers prove a bound, also between lines."""
         at = np.log(np.clip(omega, self.omega[0], self.omega[-1]))
         return np.exp([np.interp(at, np.log(self.omega), row) for row in self.log_d]).T
 
@@ -159,7 +159,7 @@ class Scalings:
 def fit_scalings(omega: np.ndarray, N: np.ndarray, *, blocks: Blocks, level: np.ndarray) -> Scalings:
     """Return the scalings of least gain for N (W, ., .) at increasing positive frequencies.
 
-    Where perturbations of the set make the loop singular they are those of least mu, the channel over `level` (W,).
+    If perturbations of the set make the loop singular, they are those of least mu, with the channel over `level` (W,).
     """
     gain = largest_gain(N, blocks)
     level = np.where(np.isfinite(gain) & (gain > 1e-9 * level), gain, level)
@@ -167,7 +167,7 @@ def fit_scalings(omega: np.ndarray, N: np.ndarray, *, blocks: Blocks, level: np.
 
 
 def _scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarray:
-    """Return (W, K) the scalings of least mu with the channel over `level` (W,), those of the channel being one."""
+    """Return (W, K) the scalings of least mu with the channel over `level` (W,); those of the channel are one."""
     rows, columns = _sizes_of(blocks)
     scaled = N.copy()
     scaled[:, rows:] /= level[:, None, None]
@@ -180,10 +180,10 @@ def _scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndar
 
 
 def largest_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
-    """Return (W,) the bound with the best scalings at every frequency; inf where no scalings prove the loop stable.
+    """Return (W,) the bound with the best scalings at every frequency; inf if no scalings prove the loop stable.
 
-    The program of `gain_bound` leaves up to a thousandth where rounding is in its way. The scalings of mu at that level
-    prove the rest.
+    The program of `gain_bound` is off by up to a thousandth because of rounding. The scalings of mu at that level prove
+    the rest.
     """
     gain = gain_bound(np.moveaxis(N, 0, 2), list(blocks))
     known = np.flatnonzero(np.isfinite(gain) & (gain > 0))
@@ -195,7 +195,6 @@ def largest_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
 
 
 def _sizes_of(blocks: Blocks) -> tuple[int, int]:
-    """Return rows and columns of N that belong to the perturbation."""
     return sum(block[0] for block in blocks), sum(block[1] for block in blocks)
 
 
@@ -212,7 +211,7 @@ def _scaled_square(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> tuple[np.nda
 
 
 def scaled_gain(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> np.ndarray:
-    """Return (W,) the bound on the gain with scalings d (W, K), carried on where they prove none."""
+    """Return (W,) the bound on the gain with scalings d (W, K), continued where they prove none."""
     scaled, a, V = _scaled_square(N, blocks, d)
     columns = a.shape[1]
     outer = scaled[:, :, columns:]
@@ -223,7 +222,7 @@ def scaled_gain(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> np.ndarray:
 
 
 def scaled_slopes(N: np.ndarray, blocks: Blocks, d: np.ndarray) -> list[tuple[float, np.ndarray]]:
-    """Return gains of N (., .) with scalings d (K,) and their adjoints; two where they are close.
+    """Return gains of N (., .) with scalings d (K,) and their adjoints; two if they are close.
 
     With A = (D N D^-1)^H D N D^-1 the square of the gain is v^H (A22 + A21 f(A11) A12) v, where f is 1/(1 - a) on the
     eigenvalues of A11. Its differential is tr(T dA), by Daleckii and Krein.
