@@ -10,17 +10,19 @@ from robust._base.types import LinearSystem
 from robust.lti.lti import axis_offset, axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
-_SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
+_SLOW_ANGLE = 1e-2  # angle per sample [rad] below which coefficients lose digits near z = 1
 _RESPONSE_TOLERANCE, _SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 
 
 def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
     """Return a discrete controller as second-order sections, the form in which it runs on a target.
 
+    Use this to run a controller in code of your own; `export_c` writes the code.
+
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
-        Discrete controller; of several channels without coupling, a loop for each.
+        Discrete controller; for several channels without coupling, one loop for each.
 
     Returns
     -------
@@ -30,8 +32,8 @@ def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
     Raises
     ------
     ValueError
-        A continuous controller, one that couples its channels, or one whose sections do not reproduce its response: to
-        1e-6, below 0.01 rad a sample, where coefficients lose digits, to 1e-3.
+        A continuous controller, one with coupled channels, or one whose sections do not reproduce its response to 1e-6
+        (to 1e-3 below 0.01 rad per sample, where coefficients lose digits).
 
     Examples
     --------
@@ -45,7 +47,7 @@ def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
 
 
 def loop_sections(K: control.StateSpace) -> np.ndarray:
-    """Return (n, 6) the sections of a discrete controller of one loop."""
+    """Return (n, 6) the sections of a discrete controller for one loop."""
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
@@ -65,9 +67,9 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
 
 
 def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
-    """Return the sections of a discrete controller by name; left out, with a warning, where they are inaccurate.
+    """Return the sections of a discrete controller by name; with a warning, none if they are inaccurate.
 
-    Its matrices say what it is: a file without sections is whole.
+    The matrices define the controller: a file without sections is complete.
     """
     if not K.dt or K.ninputs != 1 or K.noutputs != 1:
         return {}
@@ -79,7 +81,7 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
 
 
 def comparison_angles(offsets: np.ndarray) -> np.ndarray:
-    """Return angles (W,) of a sample [rad] for the comparison of two systems: down to the slowest root.
+    """Return angles (W,) per sample [rad] for the comparison of two systems: down to the slowest root.
 
     offsets : roots minus one.
     """
@@ -91,7 +93,7 @@ def comparison_angles(offsets: np.ndarray) -> np.ndarray:
 
 
 def _chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return (W,) response of sections at angles of a sample, from z^-1 - 1, so that nothing is lost near z = 1."""
+    """Return (W,) response of sections at angles per sample, from z^-1 - 1, so that no digits are lost near z = 1."""
     w = np.expm1(-1j * angles)
     top, bottom = (
         c[:, :1] + c[:, 1:2] + c[:, 2:] + (c[:, 1:2] + 2 * c[:, 2:]) * w + c[:, 2:] * w**2
@@ -111,11 +113,11 @@ def _pair_slow_with_fast(offsets: np.ndarray) -> tuple[list[tuple[complex, ...]]
 
 
 def _polynomial_coefficients(offsets: tuple[complex, ...]) -> np.ndarray:
-    """Return coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
+    """Return coefficients from the highest power down; their sum, the value at z = 1, is as exact as doubles allow."""
     roots = np.array(offsets) + 1
     if len(roots) < 2:
         return np.poly(roots).real
-    last = 1 + np.prod(roots).real  # a number whose last digit both coefficients have
+    last = 1 + np.prod(roots).real  # a number whose last digit both coefficients share
     at_one = np.prod(offsets).real
     return np.array([1.0, at_one - last, last - 1])
 
@@ -152,9 +154,9 @@ def group_roots(z: np.ndarray, p: np.ndarray) -> list[tuple[tuple[complex, ...],
 
 
 def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small.
+    """Return zeros, poles and gain; the gain is fitted where the response is neither very large nor very small.
 
-    The roots of a sampled system are returned minus one: slow ones are then small numbers with digits of their own.
+    The roots of a sampled system are returned minus one: slow ones are then small numbers with all their digits.
     """
     dt = timebase(system)
     shifted = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
@@ -169,9 +171,9 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
 
 
 def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
-    """Return numerator and denominator by name, highest power first; nothing where numbers cannot hold them.
+    """Return numerator and denominator by name, highest power first; none if doubles cannot represent them.
 
-    A numerator and denominator of order n with all roots beside z = 1 lose n times the digits that lie between.
+    A polynomial of order n with all roots near z = 1 loses n times the digits between the roots and one.
     """
     z, p, gain = roots_and_gain(system)
     dt = timebase(system)

@@ -1,4 +1,4 @@
-"""Certificates in files: what a check proved, so that someone else can prove it again."""
+"""Certificates in files: the claim of a check with its proof, so that others can prove it again."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from robust.proofs.exact.verification import Verification
 
 
 def certificate_path(report: Path, number: int = 0) -> Path:
-    """Return the certificate beside a text report, of several proofs by number.
+    """Return the path of the certificate beside a text report; several proofs have a number.
 
     >>> certificate_path(Path("r.txt")).name, certificate_path(Path("r.txt"), 1).name
     ('r.certificate.json', 'r.2.certificate.json')
@@ -48,9 +48,9 @@ def certificate_path(report: Path, number: int = 0) -> Path:
 
 
 def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
-    """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
+    """Write a proof as JSON: plant, controller, delay, weights and claim as given, and a digest of them.
 
-    Of several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
+    For several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
     """
     if isinstance(report, FrictionProof) and report.certificate is not None:
         save_friction_proof(report, path)
@@ -81,7 +81,7 @@ def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -
 def save_friction_proof(
     proof: FrictionProof, path: PathLike, *, read_from: JsonObject | None = None, warnings: Sequence[str] = ()
 ) -> None:
-    """Write a proof with friction, from what its class was read, and what was warned of that."""
+    """Write a proof with friction, the source of its class, and the warnings about that."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
         raise ValueError(f"report must hold a proof of a single loop, got the verdict {proof.verdict!r}")
@@ -97,7 +97,7 @@ def save_friction_proof(
 
 
 def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim:
-    """Return what a certificate claims, of a loop, of several channels or of a machine with friction."""
+    """Return the claim of a certificate, for a loop, for several channels or for a machine with friction."""
     found = read_claim(path, FrictionClaim) or read_claim(path, ChannelsClaim) or read_claim(path, LoopClaim)
     if found is None:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
@@ -111,19 +111,21 @@ def verify_certificate(
     K: Controller | None = None,
     time_cap: float = 60.0,
 ) -> Verification:
-    """Prove what a certificate file claims again, with outward rounding, and compare it with the model and K one has.
+    """Prove the claim of a certificate file again, with outward rounding, and compare it with your model and K.
+
+    Use this to check the certificate of someone else without trust in the program that wrote it.
 
     Parameters
     ----------
     path : path
-        A certificate that `robust.save`, `robust check` or `robust prove` wrote.
+        A certificate written by `robust.save`, `robust check` or `robust prove`.
     model : UncertaintyModel or FrictionPlant, optional
-        What the certificate is said to be about: nominal, weight, form and class are compared number by number; of a
-        machine with friction its linear part. Of several channels the loop of model and K is compared, to 1e-6.
+        Expected subject of the certificate: nominal, weight, form and class are compared number by number; for a
+        machine with friction its linear part. For several channels the loop of model and K is compared, to 1e-6.
     K : control.StateSpace, TransferFunction or float, optional
-        The controller that runs, compared likewise.
+        The controller that runs, compared in the same way.
     time_cap : float
-        Seconds after which what is left counts as not verified.
+        Seconds after which the remaining claims count as not verified.
 
     Returns
     -------
@@ -133,7 +135,7 @@ def verify_certificate(
     Raises
     ------
     ValueError
-        A file that is no certificate, or one whose digest does not fit: something in it was changed.
+        A file that is not a certificate, or one whose digest does not fit: it was changed.
     FileNotFoundError
         No such file.
 
@@ -169,11 +171,11 @@ def verify_certificate(
     )
 
 
-_SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
+_SYSTEM = (*"ABCD", "dt")  # fields by which two systems are compared, number by number
 
 
 def _differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dict[str, str]:
-    """Return that the model of one loop is not as in the certificate, and how it differs."""
+    """Return the differences between the model of one loop and that of the certificate."""
     if model is None:
         return {}
     mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
@@ -184,7 +186,7 @@ def _differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> di
 def _differences_of_channels(
     claim: ChannelsClaim, model: UncertaintyModel | None, K: Controller | None
 ) -> dict[str, str]:
-    """Return that the loop of model and controller is not the one of the certificate."""
+    """Return a difference if the loop of model and controller is not the one of the certificate."""
     if (model is None) != (K is None):
         raise ValueError("model and K must be given together for a certificate of several channels, got one of them")
     if model is None or K is None:
@@ -193,18 +195,18 @@ def _differences_of_channels(
 
 
 def _differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
-    """Return that a machine with friction is not the one of the certificate."""
+    """Return a difference if a machine with friction is not the one of the certificate."""
     if model is None:
         return {}
     machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
     return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM) else {}
 
 
-_LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
+_LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; the effect of rounding stays below the slack on the level
 
 
 def _is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> bool:
-    """Return whether the loop of model and controller responds as that of the certificate, at its perturbations."""
+    """Return True if the loop of model and controller responds as that of the certificate, at its perturbations."""
     form = next((one for one in (model, model.alternative_form) if one is not None and one.form == given.form), None)
     if form is None:
         return False
@@ -231,7 +233,7 @@ def _is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) ->
 
 
 def _is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
-    """Return whether the same continuous set is folded, number by number."""
+    """Return True if the same continuous set is folded, number by number."""
     if claim.dt != mine.dt or len(claim.parts) != len(mine.parts):
         return False
     pairs = zip(claim.parts, mine.parts, strict=True)

@@ -1,4 +1,4 @@
-"""An FRF of python-control as a `Bla`, with the names of its signals: the way back of `robust.frd`."""
+"""An FRF of python-control as a `Bla`, with the names of its signals: the inverse of `robust.frd`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def bla_from_frd(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> nlfrf.Bla:
-    """Make a `Bla` of an FRF of python-control, to make a set of plants of it with a stated probability.
+    """Make a `Bla` from an FRF of python-control, for a set of plants with a stated probability.
 
     Parameters
     ----------
     frf : control.FrequencyResponseData
-        The FRF, of one channel or of several; the names of its signals are kept where they were given.
+        The FRF, with one channel or several; the names of its signals are kept if they were given.
     std, coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
         Standard deviation in the unit of the FRF, or coherence over `n_averages`, as in `nlfrf.bla_from_frf`.
     n_averages : float, optional
         Independent averages.
     hold : str
-        How the input ran between its samples: "zoh", of the sampling time of the FRF, "band-limited" or "unknown".
+        Input between the samples: "zoh", with the sampling time of the FRF, "band-limited" or "unknown".
     input_units, output_units : sequence of str
         Units of the channels; python-control has none.
 
@@ -44,7 +44,7 @@ def bla_from_frd(
     Raises
     ------
     ValueError
-        Anything that is no FRF of python-control; as `nlfrf.bla_from_frf`.
+        A value that is not an FRF of python-control; otherwise as `nlfrf.bla_from_frf`.
 
     References
     ----------
@@ -80,7 +80,7 @@ def bla_from_frd(
 
 
 def _given_names(labels: Sequence[str], letter: str) -> tuple[str, ...]:
-    """Return names of signals, none where python-control made them up.
+    """Return names of signals; none if they are the defaults of python-control.
 
     >>> _given_names(["force", "torque"], "u"), _given_names(["u[0]", "u[1]"], "u")
     (('force', 'torque'), ())

@@ -1,4 +1,4 @@
-"""Systems that MATLAB saved, as matrices or as the fields of `get`: ss, tf and zpk."""
+"""Systems in files of MATLAB, as matrices or as the fields of `get`: ss, tf and zpk."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf.io import read_mat
 from robust.lti.realisation import from_polynomials, from_roots, multivariable, order_roots
 
-#: Fields of a system, by the letters that they are known by whatever their case; the first set that is whole counts.
+#: Fields of a system, by their letters in any case; the first complete set is used.
 _STATE_SPACE, _POLYNOMIALS, _ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z", "p", "k")
 _LONG_NAMES = {"numerator": "num", "denominator": "den"}
 _INVERSE_VARIABLES = ("z^-1", "q^-1")
@@ -22,8 +22,9 @@ _CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C
 def load_matlab_system(path: Path) -> control.StateSpace:
     """Read the system in a MATLAB file.
 
-    It may be matrices A, B, C, D; coefficients num, den in falling powers; or zeros z, poles p and gain k, with Ts [s]
-    beside them. They may be fields of a struct, as ``S = get(K)`` has them. Of several structs the one called K counts.
+    The file may have matrices A, B, C, D; coefficients num, den in falling powers; or zeros z, poles p and gain k, with
+    Ts [s] beside them. They may be fields of a struct, as from ``S = get(K)``. Among several structs that named K is
+    read.
 
     Raises
     ------
@@ -51,7 +52,6 @@ def load_matlab_system(path: Path) -> control.StateSpace:
 
 
 def _is_numeric(array: np.ndarray | None) -> bool:
-    """Return whether an array is there and holds numbers."""
     return array is not None and array.dtype.kind in "fiubc"
 
 
@@ -71,7 +71,7 @@ def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> flo
 
 
 def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
-    """Return the system of the fields of a file; refuse what they say beyond a rational system in seconds."""
+    """Return the system of the fields of a file; refuse one that is not rational in seconds."""
     dt = _sampling_time_of_fields(fields, name)
     if all(_is_numeric(fields.get(key)) for key in _STATE_SPACE):
         E = np.atleast_2d(fields.get("e", np.empty(0)))
@@ -80,7 +80,7 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
         return multivariable("K", control.StateSpace(*_with_all_axes([fields[key] for key in _STATE_SPACE], name), dt))
     if all(_is_numeric(fields.get(key)) for key in _POLYNOMIALS):
         num, den = (np.atleast_1d(fields[key]).astype(float) for key in _POLYNOMIALS)
-        if fields.get("variable", np.empty(0)).tolist() in _INVERSE_VARIABLES:  # powers of 1/z, from the constant on
+        if fields.get("variable", np.empty(0)).tolist() in _INVERSE_VARIABLES:  # powers of 1/z, from the constant up
             n = max(num.size, den.size)
             num, den = (np.append(one, np.zeros(n - one.size)) for one in (num, den))
         return from_polynomials("K", num, den=den, dt=dt)
@@ -97,7 +97,7 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
 
 
 def _with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
-    """Return A, B, C and D with the shapes that reading without axes of length one has taken from them."""
+    """Return A, B, C and D with the axes of length one that reading has removed."""
     A, B, C, D = matrices
     n = 0 if not A.size else A.shape[0] if A.ndim == 2 else 1
     n_u = B.size // n if n else np.atleast_2d(D).shape[1]

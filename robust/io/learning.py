@@ -1,4 +1,4 @@
-"""Learning filters as JSON: the set and the controller that they were designed for, and what was chosen."""
+"""Learning filters as JSON: the set, the controller and the choices of their design."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NUMBERS = ("delay", "omega_Q", "factor", "full")
 
 
 def save_learning(learning: Learning, path: PathLike) -> None:
-    """Write a learning filter to a ``.json`` file; of the model without its records."""
+    """Write a learning filter to a ``.json`` file; the model is stored without its records."""
     L = learning.L if isinstance(learning.L, str) else encode_system(learning.L)
     content = {"schema": LEARNING_SCHEMA, "version": VERSION, "units": {"dt": "s", "delay": "s", "omega_Q": "rad/s"}}
     content |= {"model": encode_model(replace(learning.model, records=())), "K": encode_system(learning.K), "L": L}

@@ -30,28 +30,29 @@ from robust.proofs.search.certificate import GENERALISED_KYP, SCALED_KYP
 def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike) -> None:
     """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m`` file that loads it.
 
-    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
-    That of a proof puts its inequality together and returns the largest eigenvalue, which has to be negative. What was
-    warned of stands in the struct, as `warnings`, and at the end of the loader.
+    Use this to continue in MATLAB, or to check a proof there.
 
+    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox). For a
+    proof it assembles the inequality and returns the largest eigenvalue, which has to be negative. The warnings are in
+    the struct, as `warnings`, and at the end of the loader.
     Parameters
     ----------
     content : UncertaintyModel, RobustnessReport or a controller
-        What to write; of a report the proofs by "scaled KYP", with P, the scalings and the loop they are about.
+        Content to write; for a report the proofs by "scaled KYP", with P, the scalings and their loop.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
 
     Raises
     ------
     ValueError
-        A path that does not end in .mat; a file with the name of the loader that is none; a report with no such proof.
+        A path that does not end in .mat; a file with the name of the loader that is not one; a report without a proof.
     FileNotFoundError
         A folder that does not exist.
 
     Warns
     -----
     DataWarning
-        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
+        A sampled controller whose second-order sections are off by more than 0.1 %: the file has A, B, C and D only.
 
     Examples
     --------
@@ -65,7 +66,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     path = to_path(path)
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
-    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # only characters allowed in the name of a MATLAB function
     struct: dict[str, object]
     if isinstance(content, UncertaintyModel):
         struct, script = _model_struct(content), _MODEL_LOADER if content.is_single else _MATRIX_LOADER
@@ -77,7 +78,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     warned = getattr(content, "warnings", ())
     struct |= {"warnings": _cell_array(list(warned))} if warned else {}
     loader = path.with_name(f"load_{name}.m")
-    require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
+    require_writable(loader, role=Role.DERIVED)  # before the first of two files is written
 
     def write_mat(temporary: Path) -> None:
         savemat(temporary, {"content": struct}, oned_as="column")
@@ -122,7 +123,7 @@ def _model_struct(model: UncertaintyModel) -> dict[str, object]:
 
 
 def _proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
-    """Return the proofs by P and scalings, one for all frequencies or one an interval, as a cell array of structs."""
+    """Return the proofs by P and scalings, one for all frequencies or for each interval, as a cell array of structs."""
     held = (
         content.claims
         if isinstance(content, ChannelsClaim)
@@ -135,7 +136,6 @@ def _proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
 
 
 def _proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str, object]:
-    """Return one proof as numbers and text."""
     struct = {"subject": subject, "level": claim.level, "Ts": claim.system.dt}
     struct |= {name: getattr(claim.system, name) for name in "ABCD"}
     if isinstance(claim, ScaledClaim):
@@ -156,7 +156,6 @@ def _proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str,
 
 
 def _cell_array(things: Sequence[object]) -> np.ndarray:
-    """Return a MATLAB cell array, a row."""
     row = np.empty((1, len(things)), dtype=object)
     row[0, :] = things
     return row
@@ -174,7 +173,7 @@ def _coprime_struct(model: UncertaintyModel) -> dict[str, object]:
 
 
 def _matlab_system(system: control.StateSpace) -> dict[str, object]:
-    """Return a system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
+    """Return a system as a struct: A, B, C, D, Ts; for one input and output also num and den if accurate."""
     struct: dict[str, object] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
     if system.ninputs == system.noutputs == 1:
@@ -183,7 +182,7 @@ def _matlab_system(system: control.StateSpace) -> dict[str, object]:
 
 
 def _matlab_cases(forms: Mapping[str, Form | MatrixForm]) -> str:
-    """Return the cases of a switch over forms, each of which makes the uncertain plant."""
+    """Return the cases of a switch over forms, each for the uncertain plant of a form."""
     return "\n".join(f"    case '{name}'\n        Gu = {form.matlab_expression};" for name, form in forms.items())
 
 

@@ -24,8 +24,8 @@ from robust.models.sets.records import JointProbability, Origin, RecordSummary
 
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
-# A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
-# strings. A file is written whole or not at all, and what is read is held against the schema that is published.
+# A number is written with the digits that reproduce it exactly; a complex one as [re, im]; nan as null, infinities as
+# strings. A file is written whole or not at all, and its content is checked against the published schema.
 
 VERSION = 1
 _BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
@@ -33,7 +33,7 @@ PathLike = str | os.PathLike[str]
 
 
 def load_bla(path: PathLike) -> nlfrf.Bla:
-    """Return the BLA in a file, or a refusal of any other kind."""
+    """Return the BLA in a file; refuse any other kind."""
     require_file_of(path, *_BLA_SCHEMAS)
     bla: nlfrf.Bla = nlfrf.load(path)
     return bla
@@ -61,17 +61,17 @@ def _encode(content: object) -> Json:
 
 
 def _decode(content: Json) -> ArrayField:
-    """Return the way back, for real numbers: float, or float arrays."""
+    """Decode real numbers: a float, or float arrays."""
     try:
         if isinstance(content, list):
             return np.array([_decode(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
-    except ValueError:  # of rows that are not equally long
+    except ValueError:  # rows of different lengths
         raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
 def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
-    """Return a state space or an FRF."""
+    """Encode a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
         return {"kind": "frf", "omega": _encode(system.omega), "G": _encode(system.frdata[0, 0]), "dt": dt}
@@ -79,7 +79,7 @@ def encode_system(system: control.StateSpace | control.FrequencyResponseData) ->
 
 
 def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
-    """Return the way back; an empty A, B or C takes its shape from the others."""
+    """Decode a state space or an FRF; an empty A, B or C takes its shape from the others."""
     if content["kind"] == "frf":
         omega, pairs = _decode(content["omega"]), _decode(content["G"])
         if pairs.shape != (*omega.shape, 2) or not omega.size:
@@ -98,7 +98,7 @@ def decode_system(content: JsonObject) -> control.StateSpace | control.Frequency
 
 
 def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
-    """Return schema and content of a JSON file of one of these schemas, or a refusal."""
+    """Return schema and content of a JSON file with one of these schemas; refuse others."""
     content = parse_json_of(path, *schemas)
     found = str(content["schema"])
     if content.get("version") != VERSION:
@@ -124,7 +124,7 @@ _RECORD_FIELDS = {
 
 
 def encode_model(model: UncertaintyModel) -> JsonObject:
-    """Return a model as JSON holds it."""
+    """Return a model as JSON."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
     content: JsonObject = {"schema": schema, "version": VERSION, "units": _UNITS}
     for name in field_names(model):
@@ -134,7 +134,7 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
             continue
         if name == "records":
             held = [{part: _encode(getattr(one, part)) for part in _RECORD_FIELDS[schema]} for one in held]
-        elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
+        elif isinstance(held, UncertaintyModel):  # two forms of a set have the same records
             held = encode_model(replace(held, records=()))
         else:
             held = _encode(held)
@@ -143,7 +143,7 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
 
 
 def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
-    """Return the way back; what a file does not say is as in a set that was not made of a record."""
+    """Return a model from JSON; fields that a file lacks are as in a set without a record."""
     known = {
         field.name: _decode_field(content[field.name], str(field.type))
         for field in fields(UncertaintyModel)
@@ -164,7 +164,7 @@ _VALUES = {"Origin": Origin, "JointProbability": JointProbability}
 
 
 def _decode_field(content: Json, kind: str) -> Any:
-    """Return a field from JSON, by how it is declared."""
+    """Return a field from JSON, by its declared type."""
     if kind == "str":
         return one_line(content)
     if kind == "bool":
@@ -182,7 +182,7 @@ def _decode_field(content: Json, kind: str) -> Any:
 
 
 def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
-    """Return what a model remembers of a record."""
+    """Return the record summary of a model."""
     parts: dict[str, ArrayField] = {}
     for part in _RECORD_FIELDS[schema]:
         held = _decode(content[part])
@@ -208,7 +208,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
 
 
 def save_controller(K: Controller, path: PathLike, *, delay: float | None = None, unit: str = "") -> None:
-    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of the plant it is for."""
+    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of its plant."""
     K = as_controller("K", K)
     require_kind("unit", unit, str)
     content: JsonObject = {
@@ -235,13 +235,13 @@ def load_controller(path: PathLike) -> control.StateSpace:
 
 
 def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
-    """Return the model or the controller in a file, or a refusal of any other kind."""
+    """Return the model or the controller in a file; refuse any other kind."""
     content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
     return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
 
 
 def load_controller_context(path: PathLike) -> tuple[float | None, str]:
-    """Return the computation delay [s] and the unit of the plant that a controller is for; None, "" where unknown."""
+    """Return the computation delay [s] and the unit of the plant for a controller; None, "" if unknown."""
     if to_path(path).suffix.lower() == ".mat":
         return None, ""
     content = read_json(path, (CONTROLLER_SCHEMA,))[1]
@@ -250,6 +250,6 @@ def load_controller_context(path: PathLike) -> tuple[float | None, str]:
 
 
 def as_controller(name: str, K: Controller) -> control.StateSpace:
-    """Any controller as a state space, of one input and output or of several."""
+    """Return any controller as a state space, with one input and output or several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)

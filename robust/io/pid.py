@@ -1,4 +1,4 @@
-"""A PID controller as its gains, and as the lines to type into a programmable controller."""
+"""A PID controller as its gains, and as parameters for a programmable controller."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-_INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
+_INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is an integrator
 _RESPONSE_TOLERANCE = 1e-6
-_NOTHING_IN_SAMPLES = 1e6  # Ti over a sample, from which an integral is lost in single precision
-_LONGEST_TIME = 2**31 * 1e-3  # that a TIME of IEC 61131-3 holds in S7 blocks [s]
-_NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing
-_ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
+_NOTHING_IN_SAMPLES = 1e6  # Ti in samples, from which an integral is lost in single precision
+_LONGEST_TIME = 2**31 * 1e-3  # largest TIME of IEC 61131-3 in S7 blocks [s]
+_NEGLIGIBLE = 0.01  # share of |K| below which a part of it has no effect
+_ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # share of its terms below which a gain is rounding
 
 
 @value
 class PidGains:
-    """Kp + Ki/s + Kd s/(Tf s + 1), and what it is in the ideal form and in samples.
+    """Kp + Ki/s + Kd s/(Tf s + 1), also in the ideal form and as a difference equation.
 
     Fields
     ------
     kp, ki, kd : float
         Gains of the parallel form: unit of u per unit of y, the same per second, the same times seconds.
     filter_time : float
-        Tf, time constant of the derivative filter [s]; zero where there is no derivative.
+        Tf, time constant of the derivative filter [s]; zero without a derivative.
     dt : float
-        Sampling time of the difference equation [s]; 0 where there is none.
+        Sampling time of the difference equation [s]; 0 without one.
     unit : str
-        Unit of kp, where it is known.
+        Unit of kp, if known.
 
     References
     ----------
@@ -62,21 +62,21 @@ class PidGains:
 
     @property
     def derivative_time(self) -> float:
-        """Return Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
+        """Return Td = Kd/Kp of the ideal form [s]; nan if kp is zero."""
         return self.kd / self.kp if self.kp else float("nan")
 
     @property
     def has_ideal_form(self) -> bool:
-        """Return whether blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times that are no shorter than a sample.
+        """Return True if blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times at least as long as a sample.
 
-        They are positive where all gains have the sign of kp. The manual of CONT_C asks for TI and TD of at least a
+        They are positive if all gains have the sign of kp. The manual of CONT_C requires TI and TD of at least a
         cycle.
         """
         return self.kp != 0 and not self._unusable_times
 
     @property
     def _unusable_times(self) -> str:
-        """Name the times of the ideal form that no block takes, and why; empty where there are none."""
+        """Describe the times of the ideal form that no block takes, with the reason; empty without any."""
         times = [("Ti", self.integral_time)] * bool(self.ki) + [("Td", self.derivative_time)] * bool(self.kd)
         for low, high, what in (
             (-np.inf, 0, "negative"),
@@ -87,10 +87,10 @@ class PidGains:
         return ""
 
     def plc_parameters(self) -> list[str]:
-        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, a line each; empty without one.
+        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, one line each; empty without one.
 
-        A time of zero switches its part off in each of them. The blocks work in samples of their own: the loop is the
-        one that was checked where their cycle is short against every time.
+        A time of zero switches its part off in each of them. The blocks have their own sampling: the loop is the
+        checked one if their cycle is short compared with every time.
 
         References
         ----------
@@ -119,10 +119,10 @@ class PidGains:
         ]
 
     def difference_equation(self) -> list[str]:
-        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
+        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order in each sample.
 
-        Trapezoidal (Tustin), which is the transfer function of the sampled controller exactly. Each part is a state of
-        its own, so that rounded coefficients cost no integral action, and where u is limited i can be held.
+        The rule is trapezoidal (Tustin), which gives the transfer function of the sampled controller exactly. Each part
+        has a state of its own, so that rounded coefficients cost no integral action, and i can be held at a limit of u.
         """
         if not self.dt:
             raise ValueError("dt must be given to pid_gains for a difference equation [s], got a continuous controller")
@@ -139,7 +139,7 @@ class PidGains:
 
     @property
     def forms(self) -> list[str]:
-        """Return the parallel form, the ideal form and the difference equation with units, a line each."""
+        """Return the parallel form, the ideal form and the difference equation with units, one line each."""
         per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
         parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
         parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
@@ -165,28 +165,30 @@ class PidGains:
 
 
 def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidGains | tuple[PidGains, ...]:
-    """Return the gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
+    """Return the gains of a controller that is a PID, or a part of one, in the form of a drive or a PLC.
+
+    Use this to enter a designed controller by hand.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Controller; of several channels without coupling, a loop for each. The gains of a sampled one are those of the
-        trapezoidal rule (Tustin), which is exact for it.
+        Controller; for several channels without coupling, one loop for each. The gains of a sampled one are those of
+        the trapezoidal rule (Tustin), which is exact for it.
     dt : float, optional
         Sampling time [s] of the difference equation of a continuous K.
     unit : str
-        Unit of y over u, as `UncertaintyModel.origin` has it: that of Kp is the inverse.
+        Unit of y over u, as in `UncertaintyModel.origin`: that of Kp is the inverse.
 
     Returns
     -------
     PidGains, or a tuple of them, one a loop, for several channels
         Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below some 1e-14 of the
-        numbers that hold it (of Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
+        numbers that contain it (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
 
     Raises
     ------
     ValueError
-        A controller that is no PID: more than one integrator and one stable real pole. One that couples its channels.
+        A controller that is not a PID: more than one integrator and one stable real pole. One with coupled channels.
 
     References
     ----------
@@ -211,7 +213,7 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
 
 
 def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
-    """Return the gains of a PID of one loop."""
+    """Return the gains of a PID for one loop."""
     sampled = timebase(K)
     integrates, filter_time = _pid_structure(K, sampled)
     kp, ki, kd = _pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)
@@ -225,7 +227,7 @@ def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
 
 
 def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
-    """Format the gains of a PID, a row each, also by the names of a PLC; empty for any other controller."""
+    """Format the gains of a PID, one row each, also by the names of a PLC; empty for any other controller."""
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
         loops = found if isinstance(found, tuple) else (found,)
@@ -240,7 +242,7 @@ def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
 
 
 def reason_for_unusual_gains(K: Controller) -> str:
-    """Return why gains of a controller cannot be built, and what to do; empty where they can or where it is no PID.
+    """Return the reason why gains of a controller cannot be built, with the remedy; empty if they can, or no PID.
 
     >>> reason_for_unusual_gains(control.tf([-2.0, 30.0], [1.0, 0.0]))
     'the PID has Kp = -2 and Ki = 30: no PLC takes gains of different signs; --positive keeps them positive'
@@ -258,7 +260,7 @@ def reason_for_unusual_gains(K: Controller) -> str:
 
 
 def _unusual_signs(gains: PidGains) -> str:
-    """Return that gains have different signs; empty where they do not."""
+    """Describe gains with different signs; empty if they have the same."""
     named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
     if len({gain > 0 for gain in named.values() if gain}) < 2:
         return ""
@@ -267,7 +269,7 @@ def _unusual_signs(gains: PidGains) -> str:
 
 
 def _unusual_integral(gains: PidGains) -> str:
-    """Return that an integral never comes to anything; empty where it does or there is none."""
+    """Describe an integral without effect; empty if it has one or there is none."""
     Ti = abs(gains.integral_time)
     if gains.kp and gains.ki and (_NOTHING_IN_SAMPLES * gains.dt if gains.dt else _LONGEST_TIME) < Ti:
         return f"Ti = {Ti:.4g} s: the integral is nothing; --structure {'PD' if gains.kd else 'P'} leaves it out"
@@ -275,7 +277,7 @@ def _unusual_integral(gains: PidGains) -> str:
 
 
 def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
-    """Return what to design where Kp does nothing at the frequencies omega [rad/s]; empty where it does, or no PID.
+    """Return a proposal if Kp has no effect at the frequencies omega [rad/s]; empty if it has one, or no PID.
 
     >>> advice_on_structure(control.tf([1e-6, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
     'Kp = 1e-06 is at most 0.0005 % of |K| on the lines: K is an integrator. Ask for --structure I'
@@ -304,9 +306,9 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
 def _pid_coefficients(
     K: control.StateSpace, dt: float, *, integrates: bool, filter_time: float
 ) -> tuple[float, float, float]:
-    """Return Kp, Ki and Kd: the value at infinity and the residues at the poles; zero where they are rounding.
+    """Return Kp, Ki and Kd from the value at infinity and the residues at the poles; zero if they are rounding.
 
-    K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule where K is sampled.
+    K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule if K is sampled.
     """
     unit = 2 / dt if dt else 1.0
     A, B, C, D = continuous_image(K) if K.nstates else (K.A, K.B, K.C, K.D)
@@ -318,9 +320,9 @@ def _pid_coefficients(
     slow = np.argsort(np.abs(p))  # the integrator first
     ki = float(residues[slow[0]]) if integrates else 0.0
     kd = float(-residues[slow[-1]] * filter_time**2) if filter_time else 0.0
-    # of a sampled one D is the value at z = -1, from that at infinity and the rest
+    # for a sampled one D is the value at z = -1, from that at infinity and the rest
     terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
-    terms += abs(kd) / dt if dt else 0.0  # a slow filter in a fast clock is told by 1 - z alone
+    terms += abs(kd) / dt if dt else 0.0  # a slow filter at a fast sampling rate shows in 1 - z alone
     kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
     return kp if abs(kp) > _ROUNDING_TOLERANCE * terms else 0.0, ki, kd
 
@@ -328,7 +330,7 @@ def _pid_coefficients(
 def _require_same_response(
     K: control.StateSpace, dt: float, *, kp: float, ki: float, kd: float, filter_time: float
 ) -> None:
-    """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
+    """Refuse a controller that the gains do not reproduce, for example a leaky integrator."""
     size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0
     omega = (min(size, 1 / dt) if dt else size) * np.geomspace(1e-3, 1.0, 24)
     s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
@@ -340,7 +342,7 @@ def _require_same_response(
 
 
 def _pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
-    """Return whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
+    """Return True if a PID integrates, and its filter time [s] (0 without a filter); refuse anything else."""
     p = poles(K).astype(complex)
     s = 2 / dt * (p - 1) / (p + 1) if dt else p
     size = np.abs(s)

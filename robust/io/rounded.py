@@ -1,18 +1,18 @@
 """A sampled controller as statements in the arithmetic of its target: coefficients, their order, and bounded rounding.
 
-A section is written in powers of q = z - 1, and of q = z where all its roots are nearer to 0. With x its input:
+A section is written in powers of q = z - 1, or of q = z if all its roots are nearer to 0. With x its input:
 
     y  := b0 x + s1                        (b0 q^2 + b1 q + b2) / (q^2 + a1 q + a2)
     s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 are added where q = z - 1
-    s2 := b2 x - a2 y (+ s2)
+    s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 are added for q = z - 1
 
-Slow poles are small q, whose coefficients keep their digits: in powers of z the distance of a pole from 1 is the
-difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space is no rival in single precision. For 49
+Slow poles have a small q, whose coefficients keep their digits: in powers of z the distance of a pole from 1 is the
+difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space is worse in single precision. For 49
 random controllers of orders 1 to 20 its rounded coefficients changed K by 9 times as much (median; up to 2e7), and its
-operations moved u by 0.95 times as much (median), with n^2 products a step.
+operations moved u by 0.95 times as much (median), with n^2 products per step.
 
-A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965): single precision
-otherwise loses what is below 6e-8 of the integral.
+A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965): otherwise single
+precision loses the part below 6e-8 of the integral.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from robust.lti.connections import in_parallel
 from robust.lti.lti import poles, response, scale_states, timebase, with_names, zeros
 from robust.lti.realisation import multivariable
 
-_INTEGRATOR_TOLERANCES = 1e-10, 1e-7  # of |z - 1| of one pole at 1, and of two: they come out 1e-8 apart
-_LARGEST_ERROR = 1e-3  # of |K| before rounding: then the roots are not those of K
-_NEGLIGIBLE_GAIN = 1e-6  # of the median |K|, below which errors are measured in that
-_NOTABLE_ERROR = 0.01  # of |K| by rounding, or of the largest output: warned of
+_INTEGRATOR_TOLERANCES = 1e-10, 1e-7  # |z - 1| of one pole at 1, and of two: they come out 1e-8 apart
+_LARGEST_ERROR = 1e-3  # error over |K| before rounding, above which the roots are not those of K
+_NEGLIGIBLE_GAIN = 1e-6  # share of the median |K|, the least unit for errors
+_NOTABLE_ERROR = 0.01  # of |K| by rounding, or of the largest output, above which there is a warning
 
 
 class Statement(NamedTuple):
@@ -48,27 +48,27 @@ class Statement(NamedTuple):
 
 @value
 class RoundedController:
-    """A controller in the numbers of its target, and what rounding makes of it there.
+    """A controller in the arithmetic of its target, with the effect of rounding.
 
     Fields
     ------
     K : control.StateSpace
-        The controller that the rounded coefficients are, for `check`; its matrices are rounded once more, to float64.
+        The controller with the rounded coefficients, for `check`; its matrices are rounded once more, to float64.
     dtype : str
         "float32" or "float64".
     before, after : tuple of Statement
-        Statements from e to the output before its limit, v, and those that follow once v is limited to u.
+        Statements from e to the output before its limit, v, and those after v is limited to u.
     limit : (2,) ndarray
         Smallest and largest u; infinite without a limit.
     coefficient_error : float
         Largest |dK|/|K| by rounded coefficients.
     gain : float
-        l1 norm from e to u, without what is split off: the most that an e of size one makes of u.
+        l1 norm from e to u, without the part split off: the largest |u| for |e| of at most one.
     rounding : float
         Bound of the rounding of all operations at u, over the largest |e|: sum of l1 norms from each operation to u.
-        Infinite where a pole that is not split off lies on or outside the unit circle.
+        Infinite if a pole that is not split off lies on or outside the unit circle.
     facts : tuple of str
-        These numbers, and what they hold for.
+        These numbers, with their conditions.
 
     References
     ----------
@@ -96,7 +96,7 @@ class RoundedController:
 
     @property
     def states(self) -> list[str]:
-        """Return the names that are kept from one step to the next, zero at the start."""
+        """Return the names of the states, zero at the start."""
         sections = [row.target for row in self.before if row.target[0] == "s"]
         return [*sections, "integral", "carry"] if self.after else sections
 
@@ -105,7 +105,7 @@ class RoundedController:
 
 
 def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = None) -> RoundedController:
-    """Return a sampled controller of one loop as statements with rounded coefficients, and bounds of their rounding.
+    """Return a sampled controller for one loop as statements with rounded coefficients, and bounds of their rounding.
 
     dtype : "float32" or "float64"; limit : a number, for -limit to limit, or (least, largest).
     """
@@ -175,7 +175,7 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
 
 
 def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
-    """Return the least and largest output, infinite without a limit, or a refusal."""
+    """Return the least and largest output, infinite without a limit; refuse others."""
     if limit is None or np.ndim(limit) == 0:
         largest = np.inf if limit is None else require_positive("limit", limit)
         return np.array([-largest, largest])
@@ -200,9 +200,9 @@ def _require_one_sampled_loop(K: control.StateSpace) -> None:
 
 
 def _split_slowest(K: control.StateSpace, *, limited: bool) -> tuple[control.StateSpace, float, float]:
-    """Return R, g and q of K = R + g/(z - 1 - q) for a single integrator, q = 0; g = 0 where nothing is split off.
+    """Return R, g and q of K = R + g/(z - 1 - q) for a single integrator, q = 0; g = 0 if nothing is split off.
 
-    With a limit also for the real lag that makes most of the gain at zero frequency: it winds up as an integrator does.
+    With a limit also the real lag with most of the gain at zero frequency: it winds up like an integrator.
     """
     A, B, C = scale_states(K.A, K.B, K.C) if K.nstates else (K.A, K.B, K.C)
     whole = control.StateSpace(A, B, C, K.D, K.dt, remove_useless_states=False), 0.0, 0.0
@@ -227,7 +227,7 @@ def _split_slowest(K: control.StateSpace, *, limited: bool) -> tuple[control.Sta
 
 
 def _are_integrators(offsets: np.ndarray) -> np.ndarray:
-    """Return which poles, given minus one, are at one but for rounding."""
+    """Return (n,) True for poles, given minus one, that are at one except for rounding."""
     one, two = (np.abs(offsets) < tolerance for tolerance in _INTEGRATOR_TOLERANCES)
     return two if two.sum() > 1 else one
 
@@ -238,9 +238,9 @@ def _static_gain(system: control.StateSpace) -> float:
 
 
 def _tracking_gain(rest: control.StateSpace, gain: float, pole: float) -> float:
-    """Return the share of the excess that the integral takes back in a step.
+    """Return the share of the excess that the integral takes back in one step.
 
-    It puts the pole of the limited controller at the zero of g/(z - 1 - q) + R(1): of a PI, the tracking time is Ti. A
+    It puts the pole of the limited controller at the zero of g/(z - 1 - q) + R(1): for a PI, the tracking time is Ti. A
     zero that is negative or unstable is replaced by z = 0.
     """
     static = _static_gain(rest)
@@ -249,7 +249,7 @@ def _tracking_gain(rest: control.StateSpace, gain: float, pole: float) -> float:
 
 
 def _chain(groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float) -> list[Statement]:
-    """Return the statements of sections in a row, from e to v, for zeros and poles minus one; the gain in the first."""
+    """Return the statements of sections in series, from e to v, for zeros and poles minus one; the gain comes first."""
     rows: list[Statement] = []
     x, n = "e", 0
     for k, (above, below) in enumerate(groups, 1):
@@ -259,7 +259,7 @@ def _chain(groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: 
         y, states = f"y{k}", [f"s{n + j}" for j in range(1, a.size)]
         rows.append(Statement(y, ((b[0], x), *((1.0, name) for name in states[:1]))))
         for j, name in enumerate(states, 1):
-            # the old value last: what is added to it is small where a pole is slow
+            # the old value last: the sum before it is small for a slow pole
             kept = [*states[j : j + 1], *([name] if origin else [])]
             rows.append(Statement(name, ((b[j], x), (-a[j], y), *((1.0, other) for other in kept))))
         x, n = y, n + len(states)
@@ -267,7 +267,7 @@ def _chain(groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: 
 
 
 def _integral(gain: float, pole: float, tracking: float) -> list[Statement]:
-    """Return the statements of the integral: what is lost as it grows by `change` is carried to the next step."""
+    """Return the statements of the integral: the part lost when it grows by `change` is carried to the next step."""
     terms = ((gain, "e"), (pole, "integral"), (tracking, "excess"), (1.0, "carry"))
     return [
         *([Statement("excess", ((1.0, "u"), (-1.0, "v")))] if tracking else []),
@@ -280,7 +280,7 @@ def _integral(gain: float, pole: float, tracking: float) -> list[Statement]:
 
 
 def _round_statement(statement: Statement, kind: type[np.floating]) -> Statement:
-    """Return a statement with rounded coefficients, without the terms that vanish, or a refusal of one too large."""
+    """Return a statement with rounded coefficients, without terms that vanish; refuse one too large."""
     largest, limit = max(abs(number) for number, _ in statement.terms), float(np.finfo(kind).max)
     if not largest <= limit:
         raise ValueError(f"K must have coefficients of at most {limit:.2g} in {np.dtype(kind)}, got {largest:.3g}")
@@ -289,7 +289,7 @@ def _round_statement(statement: Statement, kind: type[np.floating]) -> Statement
 
 
 def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the new states and v, a row each, over (old states, e, an error of each statement); what each reads."""
+    """Return the new states and v, one row each, over (old states, e, an error of each statement); their terms."""
     states = [row.target for row in chain if row.target[0] == "s"]
     unit = np.eye(len(states) + 1 + len(chain))
     rows = dict(zip((*states, "e"), unit, strict=False))
@@ -301,7 +301,7 @@ def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def _realise(K: control.StateSpace, chain: list[Statement], gain: float, pole: float) -> control.StateSpace:
-    """Return the controller that statements are, with the names and the sampling time of K."""
+    """Return the controller of the statements, with the names and the sampling time of K."""
     rows, n = _propagate(chain)[0], len(_propagate(chain)[0]) - 1
     sections = control.StateSpace(
         rows[:n, :n], rows[:n, n : n + 1], rows[n:, :n], rows[n:, n : n + 1], K.dt, remove_useless_states=False
@@ -313,7 +313,7 @@ def _realise(K: control.StateSpace, chain: list[Statement], gain: float, pole: f
 def _bound_rounding(chain: list[Statement], unit: float) -> tuple[float, float]:
     """Return the l1 norm of a chain of sections, and a bound of its rounding at the output for |e| of at most one.
 
-    A term is rounded once as a product, and once by each addition that it takes part in: unit of its size each time.
+    A term is rounded once as a product, and once in each addition that includes it: unit of its size each time.
     """
     rows, read = _propagate(chain)
     n = len(rows) - 1
@@ -332,7 +332,7 @@ def _bound_rounding(chain: list[Statement], unit: float) -> tuple[float, float]:
 
 
 def _bound_l1(A: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return (R,) upper bounds of sum_k |r A^k b|; infinite where A is not stable.
+    """Return (R,) upper bounds of sum_k |r A^k b|; infinite if A is not stable.
 
     sum |h| <= sqrt(1/(1 - c)) sqrt(sum h^2 c^-k) for any c < 1 (Cauchy and Schwarz). The second root is of a Gramian.
     The best of eight c between the square of the slowest pole and 1 is taken.
@@ -342,7 +342,7 @@ def _bound_l1(A: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
     for share in np.geomspace(0.02, 0.98, 8) if slowest < 1 else ():
         c = 1 - share * (1 - slowest)
         power, gramian = A / np.sqrt(c), np.outer(b, b)
-        while np.abs(power).max(initial=0.0) > 1e-12:  # a round takes twice as many terms (Smith 1968)
+        while np.abs(power).max(initial=0.0) > 1e-12:  # each round doubles the number of terms (Smith 1968)
             gramian, power = gramian + power @ gramian @ power.T, power @ power
         best = np.minimum(best, np.sqrt(np.maximum(np.sum(rows @ gramian * rows, axis=1), 0.0) / (1 - c)))
     return best
@@ -351,7 +351,7 @@ def _bound_l1(A: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _order_sections(
     groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float, unit: float
 ) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
-    """Return the sections in an order of small rounding: each is put where it makes the least bound."""
+    """Return the sections in an order of small rounding: each is placed where the bound is least."""
     found: list[tuple[tuple[complex, ...], tuple[complex, ...]]] = []
     for group in groups:
         trials = [[*found[:k], group, *found[k:]] for k in range(len(found) + 1)]
@@ -360,7 +360,7 @@ def _order_sections(
 
 
 def _largest_error(K: control.StateSpace, found: control.StateSpace) -> tuple[float, float]:
-    """Return the largest |found - K|/|K| over all speeds of K and at its resonances, and where it is [rad/s]."""
+    """Return the largest |found - K|/|K| over all speeds of K and at its resonances, and its frequency [rad/s]."""
     p, offsets = poles(K), np.concatenate([zeros(K), poles(K)]) - 1
     resonances = np.abs(np.angle(p[np.abs(np.abs(p) - 1) > _INTEGRATOR_TOLERANCES[1]]))
     slowest = comparison_angles(offsets[~_are_integrators(offsets)])

@@ -1,4 +1,4 @@
-"""JSON files of every kind of this package, for `load` and `save`, which both packages share."""
+"""JSON files of every kind in this package, for `load` and `save`, which both packages share."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.nda
 
 
 def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) -> None:
-    """Write a model, a controller, or the certificate of what was proved."""
+    """Write a model, a controller, or the certificate of a proof."""
     if isinstance(thing, _CONTROLLERS):
         save_controller(thing, path, delay=delay, unit=unit)
         return

@@ -24,27 +24,27 @@ def export_c(
 ) -> RoundedController:
     """Write a sampled controller of one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
 
-    When a controller is to run on a microcontroller. The coefficients are rounded to the numbers of the target. Check
-    the controller that comes back: it is the one that runs.
+    Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic of the target. Check
+    the returned controller: it is the one that runs.
 
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
         Discrete controller of one input and one output.
     path : path
-        The ``.h`` file. Its name is that of the struct and the two functions.
+        The ``.h`` file. Its name is also that of the struct and the two functions.
     dtype : str
         "float32" or "float64", in which the target computes.
     limit : float or (2,) sequence, optional
         Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a limited u
-        (anti-windup by back-calculation), and so does a lag that makes most of the gain at zero frequency.
+        (anti-windup by back-calculation), and so does a lag with most of the gain at zero frequency.
     unit : str
-        Unit of the plant, y over u, as `UncertaintyModel.origin` has it; for the comment.
+        Unit of the plant, y over u, as in `UncertaintyModel.origin`; for the comment.
 
     Returns
     -------
     RoundedController
-        Its `K` is the controller that the rounded coefficients are. Printed, it shows the bounds of rounding.
+        Its `K` is the controller with the rounded coefficients. Printed, it shows the bounds of rounding.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def export_structured_text(
 ) -> RoundedController:
     """Write a sampled controller of one loop as a function block in structured text (IEC 61131-3).
 
-    When a controller is to run on a PLC; a P-PI cascade has `robust.servo.structured_text`. The statements are those of
+    Use this for a controller on a PLC; a P-PI cascade has `robust.servo.structured_text`. The statements are those of
     `export_c`, in REAL or LREAL. The block has an input `reset`.
 
     Parameters
@@ -87,7 +87,7 @@ def export_structured_text(
     K : control.StateSpace or TransferFunction
         Discrete controller of one input and one output.
     path : path
-        The ``.st`` file; the block is called FB_ and its name.
+        The ``.st`` file; the name of the block is FB_ and that of the file.
     dtype : str
         "float32" for REAL, "float64" for LREAL.
     limit, unit
@@ -122,7 +122,7 @@ def export_structured_text(
 
 
 def literal(number: float, dtype: str = "float64") -> str:
-    """Return a number as C and structured text take it, exact to the bit.
+    """Return a number in the syntax of C and structured text, exact to the bit.
 
     >>> literal(5.0), literal(1e-5), literal(1e20), literal(0.1, "float32")
     ('5.0', '1.0E-05', '1.0E+20', '0.1')
@@ -133,15 +133,15 @@ def literal(number: float, dtype: str = "float64") -> str:
 
 
 class _Language(NamedTuple):
-    """How a language writes numbers, names and statements; {} stands for each."""
+    """Syntax of numbers, names and statements in a language; {} stands for each."""
 
     suffix: str
     types: dict[str, str]
     numbers: dict[str, str]
     state: str
-    declared: str  # of a state
+    declared: str  # declaration of a state
     cleared: str
-    local: str  # left side of a statement whose target is no state
+    local: str  # left side of a statement whose target is not a state
     assign: str
     limits: tuple[str, str]
     advice: str
@@ -246,7 +246,7 @@ def _export(
         f"All arithmetic is in {kind} ({dtype}), in the order that is written. {language.advice}",
         *rounded.facts,
     ]
-    # what would end a comment, in either language
+    # remove sequences that would end a comment, in either language
     safe = [re.sub(r"(?<=\*)(?=[/)])|(?<=\()(?=\*)", " ", line) for line in lines]
     rows = [row for line in safe for row in wrap(line, _WIDTH, subsequent_indent="  ")]
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
@@ -260,7 +260,7 @@ def _export(
 
 
 def _render_statements(rounded: RoundedController, language: _Language) -> dict[str, str]:
-    """Return the declarations and statements of a controller, by the place that they have in the template."""
+    """Return the declarations and statements of a controller, by their place in the template."""
     states, kind = rounded.states, language.types[rounded.dtype]
     targets = dict.fromkeys(row.target for row in (*rounded.before, *rounded.after))
 
