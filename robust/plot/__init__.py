@@ -3,7 +3,7 @@
     models   pictures of models: nominal, set, weight, radius, fit, order scan
     loops    pictures of loops: gains, check, Nyquist with discs, family, step
     shaping  |L| between its bounds
-    friction pictures of friction, and of what it does to a loop
+    friction pictures of friction, and of its effect on a loop
     learning factor of a learning filter over frequency, error over trials
     tuning   limits of a tuned design over frequency, before and after
     style    colours, units, and the measured band in white

@@ -1,4 +1,4 @@
-"""Pictures of friction: what was read of it, and where it lets an axis rest."""
+"""Pictures of friction: its estimate, and the positions at which an axis rests with it."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from robust.plot.style import COLOR
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Of levels, one after the other.
+#: Colours of levels, in their order.
 _LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
-#: Widths of presliding, break-away force over stiffness, that a picture of the friction force shows on either side.
+#: Range of a picture of the friction force on either side, in widths of presliding (break-away force over stiffness).
 _SLIP_LENGTHS = 4.0
 
 
 def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
-    """k_eq and c_eq of the friction over the rms of the motion: measured at every level, and of the fitted elements.
+    """Plot k_eq and c_eq of the friction over the rms of the motion: measured at every level, and of the fit.
 
-    Where the two part, another friction or another machine was measured.
+    A difference between the two shows another friction or another machine.
 
     Parameters
     ----------
     fit : FrictionFit
-        Of `robust.friction.identify_friction`.
+        Fit from `robust.friction.identify_friction`.
     ax : two matplotlib Axes, or one in the place of which both are drawn, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("fit", fit, FrictionFit)
     top, bottom = bode_axes(ax)
@@ -61,20 +61,20 @@ def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[
 def plot_friction_force(
     loops: Mapping[str, np.ndarray], read: FrictionFit | FrictionForce, *, ax: AxesLike | None = None
 ) -> Axes:
-    """Draw the friction force over the position of each record at rest, with what was read of the friction.
+    """Draw the friction force over the position of each record at rest, with the estimated friction.
 
-    Where friction sticks the force runs along its presliding stiffness K0; where it slides it stays within the
-    break-away force. Of fitted elements the virgin curve is drawn: the force of a first push from rest. What the
-    levels leave open is not drawn.
+    In sticking the force runs along its presliding stiffness K0; in sliding it stays within the break-away force. For
+    fitted elements the virgin curve is drawn: the force of a first push from rest. Numbers that the levels do not
+    determine are not drawn.
 
     Parameters
     ----------
     loops : mapping of str to (2, n) ndarray
         Position [m] and friction force [N] over a period, by the name of the record.
     read : FrictionFit or FrictionForce
-        What was read from the records.
+        Estimate from the records.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("read", read, FrictionFit, FrictionForce)
     if not isinstance(loops, Mapping) or not loops:
@@ -109,7 +109,7 @@ def plot_friction_force(
 
 
 def _force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
-    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan where it was left open."""
+    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan if undetermined."""
     if isinstance(read, FrictionForce):
         return float(np.mean(read.K0)), float(read.Fs.max())
     known = [value if np.isfinite(read.stds[name]) else np.nan for name, value in (("K0", read.K0), ("Fs", read.Fs))]
@@ -117,9 +117,9 @@ def _force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
 
 
 class RestCase(NamedTuple):
-    """What is assumed or changed, the verdict with it, and the largest distance from the set point, nan if unknown.
+    """An assumption or change, the verdict with it, and the largest distance from the set point, nan if unknown.
 
-    Of a simulation there is no verdict.
+    A simulation has no verdict.
     """
 
     name: str
@@ -130,18 +130,18 @@ class RestCase(NamedTuple):
 def plot_rest(
     cases: Sequence[RestCase], *, unit: str = "m", asked: float | None = None, ax: AxesLike | None = None
 ) -> Axes:
-    """Draw how far from its set point an axis is in the end, a bar for each case: at rest there, or moving for ever.
+    """Draw the final distance of an axis from its set point, one bar for each case: at rest, or moving for ever.
 
     Parameters
     ----------
     cases : sequence of RestCase
-        What is assumed or changed, the verdict with it, and the largest distance from the set point [m].
+        The assumption or change, the verdict with it, and the largest distance from the set point [m].
     unit : str
-        Of the distance.
+        Unit of the distance.
     asked : float, optional
-        Distance within which the axis is asked to stay [m].
+        Distance within which the axis has to stay [m].
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     if not isinstance(cases, list | tuple) or not cases:
         raise ValueError(f"cases must be a list of at least one RestCase, got {short_form(cases)}")

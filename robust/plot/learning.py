@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def plot_contraction(learning: Learning, *, ax: Axes | None = None) -> Axes:
-    """Plot the factor per trial over frequency, with Q and what is left of the error in the end.
+    """Plot the factor per trial over frequency, with Q and the bound of the final error.
 
     Parameters
     ----------
     learning : Learning
         From `design_learning`.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("learning", learning, Learning)
     ax, f = axes_or_new(ax), to_hertz(learning.omega)
@@ -46,7 +46,7 @@ def plot_trials(errors: np.ndarray, *, ax: Axes | None = None) -> Axes:
     errors : (trials,) ndarray
         Size of the error of each trial, the first without learning.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     errors, ax = require_real_array("errors", errors, ndim=1), axes_or_new(ax)
     ax.plot(np.arange(errors.size), errors / errors[0], "o-", color=COLOR["loop"], label="error over that of the first")

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
     """Plot loop gain, sensitivity and complementary sensitivity of the nominal loop.
 
-    Of several channels between what the singular values of L, S and T lie: strongest and weakest direction.
+    For several channels the range of the singular values of L, S and T is drawn: strongest and weakest direction.
 
     Parameters
     ----------
-    report : RobustnessReport, or LoopGains of several channels
+    report : RobustnessReport, or LoopGains for several channels
         From `check`, or from `loop_gains`.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("report", report, RobustnessReport, LoopGains)
     ax = axes_or_new(ax)
@@ -51,7 +51,7 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
 
 
 def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
-    """Draw `plot_loop` of several channels."""
+    """Draw `plot_loop` for several channels."""
     f = to_hertz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
         curves = getattr(gains, name)
@@ -68,28 +68,28 @@ def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
 
 
 def _require_one_loop(report: RobustnessReport) -> None:
-    """Refuse a report by the structured singular value, which has no curves of one loop."""
+    """Refuse a report by the structured singular value, which has no curves for one loop."""
     if not report.is_single:
         raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
 
 
 def _mark_measured_band(ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float) -> None:
-    """The measured band of curves over omega [rad/s], and frequencies [rad/s] at which something happens."""
+    """Mark the measured band of curves over omega [rad/s], and frequencies [rad/s] of events."""
     f = to_hertz(omega)
     low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
-    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf  # of a plant known on its lines only, nothing above is
+    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf  # a plant known on its lines only has nothing above
     mark_band(ax, (low, high), happens=[to_hertz(w) for w in happens], top=top)
 
 
 def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
-    """Plot robust stability, nominal and robust performance over frequency, all to stay below one.
+    """Plot robust stability, nominal and robust performance over frequency; all must stay below one.
 
     Parameters
     ----------
     report : RobustnessReport
-        Of one uncertainty, or of several and of several channels: then bounds of mu.
+        Report on one uncertainty, or on several and on several channels: then bounds of mu.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("report", report, RobustnessReport)
     ax, single = axes_or_new(ax), report.is_single
@@ -130,7 +130,7 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         title=f"Verdict on stability: {report.verdict}",
     )
     values = np.concatenate(drawn)
-    if values.size:  # what matters happens around one; curves run out of the picture below
+    if values.size:  # the relevant part is around one; curves may leave the picture below
         ax.set_ylim(max(1e-3, values.min() * 0.8), float(np.clip(1.5 * values.max(), 2.0, 1e2)))
     else:
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
@@ -138,15 +138,15 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
-    """Return the nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
+    """Plot the nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
 
     Parameters
     ----------
     report : RobustnessReport
     n_discs : int
-        How many discs to draw.
+        Number of discs.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     from matplotlib.patches import Circle
 
@@ -189,7 +189,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     family : LoopFamily
         From `sample_loops`.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("family", family, LoopFamily)
     ax = axes_or_new(ax)
@@ -222,20 +222,20 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """Return the answer of the loop to a step of its reference, with the nominal and with the worst plant.
+    """Plot the response of the loop to a step of its reference, with the nominal and with the worst plant.
 
-    Of several outputs the one whose reference steps is a thick line, the others are thin.
+    For several outputs the one whose reference steps is a thick line, the others are thin.
 
     Parameters
     ----------
     step : StepResponse
-        From `step_response`, of the nominal plant.
+        From `step_response`, for the nominal plant.
     worst : StepResponse, optional
-        Of the worst one; `step.worst` when not given.
+        Response with the worst plant; `step.worst` by default.
     unit : str
         Unit of y.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     require_kind("step", step, StepResponse)
     ax, worst = axes_or_new(ax), step.worst if worst is None else worst

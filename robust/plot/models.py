@@ -1,4 +1,4 @@
-"""Pictures of models: the nominal, its set, what the radius is made of."""
+"""Pictures of models: the nominal, its set, the parts of the radius."""
 
 from __future__ import annotations
 
@@ -45,26 +45,26 @@ _NEXT_MEASUREMENT = {
     "level": "measure a narrower range of levels",
     "systematic": "measure at a second level",
 }
-_AXIS_MARGIN = 15.0  # dB under the least gain of the nominal in a row
-_FLAT_MARGIN = 5.0  # dB above and below a weight that is a number
-_MAX_MARKERS = 300  # measured lines of several channels that are drawn with their bounds
+_AXIS_MARGIN = 15.0  # dB below the least gain of the nominal in a row
+_FLAT_MARGIN = 5.0  # dB above and below a constant weight
+_MAX_MARKERS = 300  # measured lines that are drawn with their bounds, for several channels
 _DECIBELS_BELOW, _DECIBELS_ABOVE = (
     16.0,
     12.0,
-)  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
+)  # dB around the curves of a set: bands of 84 % below and of 300 % above fit
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np.ndarray:
-    """Return the radius on the measured lines, what it is made of, and the weight over it, outside the band too.
+    """Plot the radius on the measured lines, its parts, and the weight over it, also outside the band.
 
-    Of several channels radii and weights in a matrix of axes, which is returned: of "elements" entry by entry, of a
-    full block W_l above W_r, a column a channel; weights that a channel does not have are left empty.
+    For several channels radii and weights are drawn in a matrix of axes, which is returned: for "elements" entry by
+    entry, for a full block W_l above W_r with one column for each channel; missing weights are left empty.
 
     Parameters
     ----------
     model : UncertaintyModel
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given. The axes of several channels take its place.
+        Where to draw; a new figure by default. The axes for several channels take its place.
     """
     require_kind("model", model, UncertaintyModel)
     if not model.is_single:
@@ -103,15 +103,15 @@ def plot_set(
 ) -> tuple[Axes, Axes] | np.ndarray:
     """Plot measured points, nominal and set together: magnitude and phase over logarithmic frequency.
 
-    Of several channels every entry of the nominal with the gains that the set gives it, in a matrix of axes.
+    For several channels every entry of the nominal is drawn with its range of gains over the set, in a matrix of axes.
 
     Parameters
     ----------
     model : UncertaintyModel
     bla : nlfrf.Bla or list of them, optional
-        What was measured, drawn as points with their 95 % bounds.
+        The measurement, drawn as points with their 95 % bounds.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to those that are returned; a new figure when not given.
+        Where to draw: the returned axes take its place; a new figure by default.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def plot_set(
 
 
 def _draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
-    """Draw `plot_set` of several channels."""
+    """Draw `plot_set` for several channels."""
     f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
@@ -192,7 +192,7 @@ def _draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.nda
 
 
 def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
-    """Draw `plot_weight` of several channels."""
+    """Draw `plot_weight` for several channels."""
     omega = _widened_band(model)
     if model.left:
         n_r, n_l = model.block_shape
@@ -221,7 +221,7 @@ def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
         one.set_xscale("log")
         one.ticklabel_format(axis="y", useOffset=False)
         mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
-    for row in made:  # what is flat is drawn flat
+    for row in made:  # a constant weight is drawn flat
         low, high = row[0].get_ylim()
         row[0].set_ylim(min(low, (low + high) / 2 - _FLAT_MARGIN), max(high, (low + high) / 2 + _FLAT_MARGIN))
     return finish_matrix(made, foot, "frequency [Hz]")
@@ -263,7 +263,7 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
-    """Return the measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
+    """Plot the measured lines, the nominal model through them, and the residual; arguments as in `plot_weight`."""
     require_kind("fit", fit, NominalFit)
     ax = axes_or_new(ax)
     f, measured = to_hertz(fit.omega), fit.response + fit.residual

@@ -1,4 +1,4 @@
-"""A picture to shape a loop with: |L| between its bounds, and what the check says of it."""
+"""A picture for loop shaping: |L| between its bounds, with the result of the check."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from robust.plot.style import COLOR, mark_band, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: the view ends there at the latest, or so far from curve and bounds
+_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: largest range of the view, and its margin around curve and bounds
 
 
 def plot_loop_bounds(
     model: UncertaintyModel, w_P: Weight, K: Controller = 1.0, *, delay: float = 0.0, ax: Axes | None = None
 ) -> Axes:
-    """Plot |L| between its bounds, to shape it by hand: change the controller, draw again.
+    """Plot |L| between its bounds, for manual shaping: change the controller, draw again.
 
-    The title says what the check says, without proofs. To shape live there is the page of `robust.shaping.shape`.
+    The title gives the result of the check, without proofs. For live shaping use the page of `robust.shaping.shape`.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def plot_loop_bounds(
     delay : float
         Computation delay [s].
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     low, high = loop_bounds(model, w_P)
     ax, omega = axes_or_new(ax), model.omega
@@ -52,7 +52,7 @@ def plot_loop_bounds(
     ax.axhline(0, color="0.5", lw=0.8)
     ax.fill_between(f, floor, bottom, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
     ax.fill_between(f, top, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
-    curve = to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))  # on both sides of the band too
+    curve = to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))  # also outside the band
     ax.plot(*curve, "-", lw=1.8, color=COLOR["radius"], label="|L|")
     if outside.any():
         label = "beyond a bound"
@@ -64,7 +64,7 @@ def plot_loop_bounds(
 
 
 def _describe_check(report: RobustnessReport) -> str:
-    """Return stability, worst demand and crossover in a line."""
+    """Return stability, worst demand and crossover in one line."""
     if not report.nominally_stable:
         return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"
     over = np.flatnonzero(np.abs(report.curves.L) > 1)

@@ -10,15 +10,15 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BAND_MARGIN = np.sqrt(10.0)  # half a decade beside the band is shown
-OVER_NOTE = "over 100 %: the set holds 0"  # of a band without a lower edge
-_AXIS_MARGIN = 1.3  # around something that happens further out
+BAND_MARGIN = np.sqrt(10.0)  # half a decade is shown on both sides of the band
+OVER_NOTE = "over 100 %: the set holds 0"  # for a band without a lower edge
+_AXIS_MARGIN = 1.3  # around an event further out
 
 
 def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
-    """Frame a picture around the measured band [Hz], with what lies outside it in grey.
+    """Frame a picture around the measured band [Hz], with the frequencies outside it in grey.
 
-    Half a decade is shown beside it; more where something `happens` (frequencies, nan where it does not), never beyond
+    Half a decade is shown beside it; more for the frequencies in `happens` (nan is ignored), never beyond
     `top`.
     """
     low, high = band
@@ -35,7 +35,7 @@ def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] =
 
 
 def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
-    """Fit the vertical axis to the curves inside the frame, no more than so many decibels from the top."""
+    """Fit the vertical axis to the curves inside the frame, at most `most` decibels from the top."""
     start, end = ax.get_xlim()
     seen = []
     for line in ax.get_lines():
@@ -51,7 +51,7 @@ def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
 
 # ---- Colours and units that the pictures of this package share.
 
-# told apart by colour-blind readers too; the parts of the radius as in the pictures of nlfrf
+# also distinguishable for colour-blind readers; the parts of the radius as in the pictures of nlfrf
 COLOR = {
     "noise": "#999999",
     "odd": "#D55E00",
@@ -73,7 +73,7 @@ PART = {
     "level": "change with the level",
     "systematic": "allowance for the systematic part",
 }
-#: Of several records, one after the other.
+#: Colours of several records, in their order.
 MEASURED = (COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"])
 #: The parts of the radius on paper without colour.
 STYLE = {

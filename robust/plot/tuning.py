@@ -13,23 +13,23 @@ from robust.plot.style import COLOR, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: One colour for each limit, told apart by colour-blind readers too.
+#: One colour for each limit, also distinguishable for colour-blind readers.
 _COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
 _PLANT_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
-    """Return every limit over frequency as a ratio to its bound: with the blocks as given, thin, and as tuned.
+    """Plot every limit over frequency as a ratio to its bound: with the given blocks, thin, and as tuned.
 
-    A dot shows where each limit is largest, filled where it is hard. One colour for each limit, one style for each
+    A dot shows the maximum of each limit, filled for a hard one. One colour for each limit, one style for each
     plant; the line at one is the bound.
 
     Parameters
     ----------
     design : TunedDesign
-        Of `robust.tune`, with a stable loop.
+        Result of `robust.tune`, with a stable loop.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure by default.
     """
     if not hasattr(design, "limits") or not hasattr(design, "spread"):
         raise ValueError(f"design must be a TunedDesign of robust.tune, got {short_form(design)}")
