@@ -113,7 +113,7 @@ def verify_certificate(
 ) -> Verification:
     """Prove the claim of a certificate file again, with outward rounding, and compare it with your model and K.
 
-    Use this to check the certificate of someone else without trust in the program that wrote it.
+    Use this for a certificate from someone else, or from another version.
 
     Parameters
     ----------

@@ -233,7 +233,6 @@ def _are_integrators(offsets: np.ndarray) -> np.ndarray:
 
 
 def _static_gain(system: control.StateSpace) -> float:
-    """Return the gain at zero frequency."""
     return float(response(system, np.zeros(1))[0].real)
 
 

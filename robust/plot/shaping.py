@@ -19,7 +19,7 @@ from robust.plot.style import COLOR, mark_band, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: largest range of the view, and its margin around curve and bounds
+_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: limit of the view above and below, and its margin around curve and bounds
 
 
 def plot_loop_bounds(

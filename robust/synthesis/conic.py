@@ -20,7 +20,7 @@ def solve_conic(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Return x and multipliers of min x'P x/2 + q'x, and "" or the reason of a failure.
 
-    Of b - A x the first `zero` rows are zero and the next `positive` are not negative; the others are second-order
+    The first `zero` rows of b - A x are zero and the next `positive` are not negative; the others are second-order
     cones of these sizes, whose first entry is at least the norm of the others.
     """
     import clarabel

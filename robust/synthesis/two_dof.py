@@ -300,7 +300,7 @@ def feedforward_filter(
 ) -> _ReferenceFilter:
     """Find the signal to add to u so that a loop follows a reference model, and bound its error over the set.
 
-    Use this instead of `prefilter` if the reference is known and the plant is stable.
+    Use this for a stable plant; `prefilter` is for any stable loop.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ def _damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callabl
 
 
 def _section_coefficients(roots: np.ndarray) -> np.ndarray:
-    """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0."""
+    """Return section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0."""
     pairs, rest = pair_roots(roots)
     return np.array([c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest])
 

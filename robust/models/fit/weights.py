@@ -110,7 +110,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
     Returns
     -------
     control.StateSpace
-        Of that order, biproper.
+        Weight of this order, biproper.
 
     Raises
     ------
@@ -622,7 +622,7 @@ def _finished_weight(demand: _Demand, problem: MagnitudeProblem, growth: _Growth
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
     """Fit a discrete weight of one channel that covers a continuous one closely, up to the Nyquist frequency.
 
-    A demand on a sampled loop is about |w| at its frequencies. Tustin's method warps that axis and asks for too little
+    A demand on a sampled loop is about |w| at its frequencies. Tustin's method warps that axis and demands too little
     near Nyquist. For weights of first and second order the excess was at most 0.3 dB.
     """
     corners = np.abs(np.concatenate([weight.poles(), weight.zeros()]))

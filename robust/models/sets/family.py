@@ -299,7 +299,6 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
 
 
 def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
-    """Return a given nominal as a system."""
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
     if isinstance(nominal, control.FrequencyResponseData):

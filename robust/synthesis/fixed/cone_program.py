@@ -1,8 +1,8 @@
 """One convex step of the fixed-structure design: second-order cones, line by line.
 
-Unknown are the parameters, in coordinates eta in which the columns of Y and of c X over P_c are orthonormal, and |Y|
-and |X| if a demand adds the two. A modulus on the small side of a demand is a cone. One on the large side is replaced
-by a lower bound from the previous iterate:
+The unknowns are the parameters, in coordinates eta in which the columns of Y and of c X over P_c are orthonormal, and
+|Y| and |X| if a demand adds the two. A modulus on the small side of a demand is a cone. One on the large side is
+replaced by a lower bound from the previous iterate:
 
     |R| >= Re(R R_c*)/|R_c|     for hard demands
     |R|^2 >= 2 Re(R R_c*) - |R_c|^2     for the level that is minimised: a^2 <= level |R|^2 is a rotated cone
@@ -117,8 +117,8 @@ class Step:
 def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
     """Return eta, or None with the reason of a failure; the caller judges the result.
 
-    Unknown are eta, |Y| and |X| on the lines where a demand adds the two, and the level. An expression is a matrix over
-    these and one. A cone is a list of expressions: on each line the first is at least the norm of the others.
+    The unknowns are eta, |Y| and |X| on lines with a demand that adds the two, and the level. An expression is a matrix
+    over these and one. A cone is a list of expressions: on each line the first is at least the norm of the others.
     """
     hard, aim, n = step.hard, step.aim, step.eta.size
     adds_hard, adds_aim = ((rows.a > 0) & (rows.b > 0) for rows in (hard, aim))

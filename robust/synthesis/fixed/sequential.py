@@ -244,7 +244,6 @@ def _crossover_of(given: float | tuple[float, float] | None) -> float:
 
 
 def _loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
-    """Return the name of a loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 

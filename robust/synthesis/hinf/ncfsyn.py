@@ -158,7 +158,7 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     Parameters
     ----------
     G : control.StateSpace, TransferFunction or UncertaintyModel
-        Plant, continuous or discrete (then as the sampled controller sees it).
+        Plant, continuous or discrete (then the sampled plant).
     omega_c : float
         Requested crossover |G W1| = 1 [rad/s].
 

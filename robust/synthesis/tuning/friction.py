@@ -206,7 +206,7 @@ class FrictionChannel:
         return [(float(1 + q / size), Q)]
 
     def best_multipliers(self, omega: np.ndarray, H: np.ndarray) -> Multipliers:
-        """Return the multipliers of the largest dissipated share over all frequencies, among those tried."""
+        """Return the multipliers with the largest share dissipated at every frequency, among those tried."""
         assert self.limit.friction is not None
         friction, M = self.limit.friction, self.mobility(omega, H)
         best: tuple[float, Multipliers | None] = (-np.inf, None)

@@ -239,7 +239,7 @@ class ModelledLoop:
         rounds: int = _N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Refine local maxima: brackets shrink to a quarter in each of n steps; exact: as in the report."""
+        """Refine local maxima: brackets shrink to a quarter in each of `rounds`; exact: as in the report."""
         respond = loop.responses_by_elimination if exact else self.respond(loop)
         places = _highest_places(level)
         best, value_ = omega[places], level[places]

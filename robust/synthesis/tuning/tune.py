@@ -70,7 +70,7 @@ def tune(
 ) -> TunedDesign:
     """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
 
-    Use this for several loops, several plants, or a structure that `design_frf` does not have.
+    Use this for several loops at once, for limits on any signals, or for a structure that `design_frf` does not have.
 
     The largest ratio of a soft limit to its bound is minimised while every hard limit is met. The search is local and
     proves nothing; give the resulting controller to `check`.
@@ -305,7 +305,6 @@ def _channels_of(
 
 
 def _limit_name(k: int, limits: Limits) -> str:
-    """Return the name of a limit in the arguments."""
     n_hard = sum(is_hard for _, is_hard in limits)
     return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
 
