@@ -70,17 +70,10 @@ print(f"{rig_errors[0] / rig_errors[-1]:.0f} times lower after ten trials")
 
 # %%
 # The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as the controller.
-axis = nlfrf.servo_axis("linear motor")
+axis, limits = nlfrf.servo_axis("linear motor"), AxisLimits(force=1000, velocity=0.5, travel=0.6)
 rough = nlfrf.rig.ServoAxis(motor_inertia=12, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
-limits = AxisLimits(force=1000, velocity=0.5, travel=0.6)
-played = servo.design_experiment(
-    rough,
-    nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=3),
-    rms=60,
-    base_velocity=0.1,
-    strokes=1,
-    limits=limits,
-)
+ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=3)
+played = servo.design_experiment(rough, ms, rms=60, base_velocity=0.1, strokes=1, limits=limits)
 nlfrf.save(played, out / "moving.csv")
 servo.play_experiment(replace(axis, drive=rough.drive), out / "moving.csv", out / "moving-trace.csv")
 record = load_trace(out / "moving-trace.csv", out / "moving.npz", u="force set point", y="position")[-1]
@@ -89,8 +82,7 @@ model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0, de
 drive = servo.cascade(axis.drive, output_unit="N")
 on_axis = robust.design_learning(model, drive, omega_Q=2 * np.pi * 60)
 print(f"\n--- servo axis ---\n{on_axis}")
-n_axis = 4000
-set_point = move(0.1, n_axis, 1 / 4000)
+set_point = move(0.1, 4000, 1 / 4000)
 
 
 def trial(u):
@@ -99,7 +91,7 @@ def trial(u):
     return set_point - run.position
 
 
-axis_errors = learn(on_axis, trial, n_axis)
+axis_errors = learn(on_axis, trial, 4000)
 print(f"rms error up to {BAND:g} Hz [um]: " + " ".join(f"{1e6 * error:.3g}" for error in axis_errors))
 print(f"{axis_errors[0] / axis_errors[-1]:.0f} times lower after ten trials")
 

@@ -99,7 +99,7 @@ class _DesignByDefault(typer.core.TyperGroup):
 
 
 learn_app = Commands(
-    help="Learn the input of a trial that repeats: design the filter, then one step after each trial.",
+    help="Learn the input of a trial that repeats.",
     cls=_DesignByDefault,
     no_args_is_help=True,
 )

@@ -14,6 +14,7 @@ has at each frequency. That is an upper bound for every plant of the set: none n
 from __future__ import annotations
 
 import enum
+import warnings
 from collections.abc import Sequence
 from math import hypot
 
@@ -523,7 +524,11 @@ def encoder_noise(loop: Loop) -> float:
         return float("nan")
     system = loop.closed_loop(("u",), ("r",))
     A, B, *_ = continuous_image(system)
-    X = solve_continuous_lyapunov(A, -B @ B.T) if len(A) else np.zeros((0, 0))
+    if A.size and not np.linalg.eigvals(A).real.max() < 0:
+        return float("nan")  # no steady state within rounding
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of a pole near the stability boundary: X is large there
+        X = solve_continuous_lyapunov(A, -B @ B.T) if A.size else np.zeros((0, 0))
     return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
 
 

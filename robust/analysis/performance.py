@@ -100,7 +100,12 @@ class ClassicalMargins:
                 "deg",
                 f"customary are {USUAL_PHASE_MARGIN:g} deg or more",
             ),
-            Fact("gain margin", Peak(high, self.omega_gain), "dB", "how far the gain may rise"),
+            Fact(
+                "gain margin",
+                Peak(high, self.omega_gain) if np.isfinite(high) else "infinite" * bool(high > 0),
+                "dB" if np.isfinite(high) else "",
+                "how far the gain may rise",
+            ),
             Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "how far the gain may fall"),
             Fact("bandwidth of S", self.bandwidth / (2 * np.pi), "Hz", "disturbances below it are reduced"),
         )
@@ -140,8 +145,8 @@ def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None
     >>> round(float(np.degrees(seen.phase_margin)), 1)                # 90 deg - atan(1.2496)
     38.7
     >>> print(classical_margins(control.tf([2], [1, 1, 0])))
-    crossover 0.1989 Hz, phase margin 38.7 deg at 0.1989 Hz, no gain above this one makes it unstable,
-      bandwidth of S 0.1333 Hz
+    crossover 0.1989 Hz, phase margin 38.67 deg at 0.1989 Hz, gain margin infinite, bandwidth of S
+      0.1333 Hz
     """
     omega, L = _loop_gain_of(omega) if L is None else _check_loop_gain(omega, L)
     known = np.isfinite(L) & (L != 0)

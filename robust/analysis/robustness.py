@@ -145,9 +145,10 @@ def check(
 
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
     """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one."""
-    if w_P is None or not w_P.issiso() or w_P.D[0, 0] == 0:
+    W = None if w_P is None else multivariable("w_P", w_P)
+    if W is None or not W.issiso() or W.D[0, 0] == 0:
         return USUAL_PEAK
-    allowed, _ = hinf_norm(biproper_inverse(w_P))
+    allowed, _ = hinf_norm(biproper_inverse(W))
     return allowed if 1 <= allowed <= _LARGEST_PEAK else USUAL_PEAK  # below one |S| grows no disturbance
 
 

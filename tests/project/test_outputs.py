@@ -39,6 +39,9 @@ COMMANDS = (
     "robust prove bla.npz bla.npz bla.npz Kc.json --nominal model.json -o {}",
     "robust orders bla.npz --picture {}",
     "robust servo check rec.npz gains.toml -o {}",
+    "robust learn design narrow.json soft.json -o {}",
+    "robust learn design narrow.json soft.json -o other.json --picture {}",
+    "robust learn step learning.json added.csv errors.csv -o {}",
     "robust export Kc.json -o {}",
     "robust export soft.json -o soft.h --rounded {}",
     "robust reduce model.json Kc.json -o {}",
@@ -77,6 +80,13 @@ def files(tmp_path_factory):
     nlfrf.save(record, "mid.csv")
     assert run("robust model bla.npz --poles 2 --zeros 0 -o m0.json")[0] == 0
     robust.save(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
+    lag, small = robust.sampled(control.tf([1], [1, 1]), 1e-3), control.ss([], [], [], [[0.2]], 1e-3)
+    omega, radius = np.array([1.0, 2.0]), np.full(2, 0.2)
+    narrow = robust.UncertaintyModel(lag, small, "multiplicative", omega, radius, perturbation="LTI")
+    robust.save(narrow, "narrow.json")
+    assert run("robust learn narrow.json soft.json -o learning.json")[0] == 0
+    for name in ("added.csv", "errors.csv"):
+        np.savetxt(name, np.zeros(2000))
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
     assert run("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
@@ -133,7 +143,7 @@ def test_every_command_that_writes_is_here():
     }
     options = {"out": "-o {}", "picture": "--picture {}", "rounded": "--rounded {}"}
     tried = {
-        f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'servo') else 2])} {name}"
+        f"{' '.join(command.split()[: 3 if command.split()[1] in ('servo', 'learn') else 2])} {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command

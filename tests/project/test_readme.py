@@ -56,7 +56,7 @@ def test_the_commands_run(tmp_path, monkeypatch, capsys):
     text = section("On the command line")
     indented = [line for line in text.splitlines() if line.startswith("    ")]
     commands = [line.partition("#")[0].split() for line in indented]
-    assert len(commands) == 9
+    assert len(commands) == 11
     said = ""
     for words in commands:
         monkeypatch.setattr(sys, "argv", words)

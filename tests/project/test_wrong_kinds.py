@@ -28,7 +28,7 @@ FLAGS = {
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
-RESULTS |= {"validation", "design", "loops", "read", "cases"}
+RESULTS |= {"validation", "design", "loops", "read", "cases", "learning"}
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +74,7 @@ def things():
         "screened": screened,
         "labels": ["low", "middle", "high"],
         "preset": "belt",
+        "errors": np.ones(3),
         "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0)),
     }
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)

@@ -256,7 +256,7 @@ def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
     assert words in question.description
     if kind is robust.friction.Gap.HIGHEST_LEVEL_STICKS:
         assert np.isinf(fit.stds["Fs"])
-        assert "Fs: left open" in str(fit)
+        assert re.search(r"Fs: +left open", str(fit))
     if kind is robust.friction.Gap.LOWEST_LEVEL_SLIPS:
         assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match="fit must leave neither machine nor K0 open, got: "):
@@ -305,7 +305,7 @@ def test_motor_and_load_are_told_apart(belt):
         assert abs(getattr(belt, name) - truth[name]) < 4.5 * belt.stds[name], name
     assert set(truth) < set(belt.stds)
     assert belt.questions == ()
-    assert "break-away force at the load = " in str(belt)
+    assert "break-away force at the load" in str(belt)
 
 
 def test_lines_that_a_step_of_the_encoder_makes_are_left_out_around_the_antiresonance():
@@ -462,7 +462,7 @@ def test_an_element_with_stiction_has_two_forces_along_one_motion():
 
 SIGNS = {
     1.0: "more than its whole delay of",
-    12.0: r"a load that gives way behind the motor, .* improves the fit \(F ratio",
+    12.0: r"a flexible load behind the motor, .* improves the fit \(F ratio",
 }
 
 
@@ -477,7 +477,7 @@ def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
     fit = robust.friction.identify_friction(records, free=True)
     assert [question.kind for question in fit.questions] == [robust.friction.Gap.FLEXIBLE]
     assert np.isinf(fit.stds["mass"])
-    assert "m: left open" in str(fit)
+    assert re.search(r"m: +left open", str(fit))
     with pytest.raises(ValueError, match=sign):
         robust.friction.friction_class(fit)
 
