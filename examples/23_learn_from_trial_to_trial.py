@@ -8,6 +8,7 @@ for the whole set of plants that one record gives, on the friction rig and on a 
 """
 
 import argparse
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/23"), help="folder for files and the picture")
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
+warnings.simplefilter("ignore", robust.DesignWarning)  # two poles miss some of the axis: the misfit is in the radius
 
 # %%
 # Fixed before any filter: ten trials of a move of 1 mm and of 100 mm in 0.3 s, and the band of the error that counts.
@@ -65,8 +67,10 @@ on_rig = robust.design_learning(model, K, omega_Q=2 * np.pi * 60)
 print(f"--- friction rig ---\n{on_rig}")
 r = move(1e-3, n, T)
 rig_errors = learn(on_rig, lambda u: nlfrf.rig.run(rig, r, K, disturbance=u).e, n)
-print(f"rms error up to {BAND:g} Hz [um]: " + " ".join(f"{1e6 * error:.3g}" for error in rig_errors))
-print(f"{rig_errors[0] / rig_errors[-1]:.0f} times lower after ten trials")
+print(
+    f"{rig_errors[0] / rig_errors[-1]:.0f} times lower, rms error [um]:\n"
+    + " ".join(f"{1e6 * e:.3g}" for e in rig_errors)
+)
 
 # %%
 # The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as the controller.
@@ -92,8 +96,10 @@ def trial(u):
 
 
 axis_errors = learn(on_axis, trial, 4000)
-print(f"rms error up to {BAND:g} Hz [um]: " + " ".join(f"{1e6 * error:.3g}" for error in axis_errors))
-print(f"{axis_errors[0] / axis_errors[-1]:.0f} times lower after ten trials")
+print(
+    f"{axis_errors[0] / axis_errors[-1]:.0f} times lower, rms error [um]:\n"
+    + " ".join(f"{1e6 * e:.3g}" for e in axis_errors)
+)
 
 # %%
 # The picture: the factor that every plant of the set has at most, and the errors.
