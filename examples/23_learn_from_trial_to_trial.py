@@ -53,6 +53,7 @@ def learn(learning, trial, n):
         e = trial(u)
         errors.append(rms_in_band(e, learning.dt))
         u = learning.update(u, e)
+    print(f"{errors[0] / errors[-1]:.0f} times lower [um]:", *(f"{1e6 * error:.2g}" for error in errors))
     return np.array(errors)
 
 
@@ -67,10 +68,6 @@ on_rig = robust.design_learning(model, K, omega_Q=2 * np.pi * 60)
 print(f"--- friction rig ---\n{on_rig}")
 r = move(1e-3, n, T)
 rig_errors = learn(on_rig, lambda u: nlfrf.rig.run(rig, r, K, disturbance=u).e, n)
-print(
-    f"{rig_errors[0] / rig_errors[-1]:.0f} times lower, rms error [um]:\n"
-    + " ".join(f"{1e6 * e:.3g}" for e in rig_errors)
-)
 
 # %%
 # The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as the controller.
@@ -96,10 +93,6 @@ def trial(u):
 
 
 axis_errors = learn(on_axis, trial, 4000)
-print(
-    f"{axis_errors[0] / axis_errors[-1]:.0f} times lower, rms error [um]:\n"
-    + " ".join(f"{1e6 * e:.3g}" for e in axis_errors)
-)
 
 # %%
 # The picture: the factor that every plant of the set has at most, and the errors.
