@@ -596,8 +596,9 @@ def export(
         K, (late, unit) = models.load_controller(file), models.load_controller_context(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
         given = {"dtype": dtype} if dtype else {}
-        require_writable(*([rounded] if rounded else []))
-        code = write(K, out, limit=limit[0] if limit and len(limit) == 1 else limit or None, unit=unit, **given)
+        if rounded:
+            require_writable(rounded)
+        code = write(K, out, limit=limit or None, unit=unit, **given)
         if rounded:
             models.save_controller(code.K, rounded, delay=late, unit=unit)
         print(code)

@@ -176,9 +176,10 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
     nominal, nothing = _stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
-    sizes = np.linalg.norm(L, 2, axis=(1, 2))
-    open_reason = describe_unresolved(omega, np.linalg.det(one + L), sizes)
-    reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False, unresolved=open_reason)
+    if nominal is Stability.UNDECIDED:
+        reason = describe_unresolved(omega, np.linalg.det(one + L), np.linalg.norm(L, 2, axis=(1, 2)))
+    else:
+        reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False)
     margins, np_ = Margins(), nothing
     if nominal is Stability.STABLE:
         S = np.linalg.inv(one + L)
@@ -233,11 +234,16 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
     encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
-    nominal, L = _stability_on_lines(encirclements, clear, wanted), G * response(K, omega)
+    nominal = _stability_on_lines(encirclements, clear, wanted)
     has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
     margins = margins_on_lines(loop.curves) if stable else Margins()
     proofs, hold = Proofs(violated=has_set and margins.largest_rs >= 1), dt and not frf_sampling_time(loop.source)
+    if nominal is Stability.UNDECIDED:
+        L = G * response(K, omega)
+        reason = describe_unresolved(omega, 1 + L, np.abs(L))
+    else:
+        reason = explain_lines(nominal, encirclements, wanted=wanted, peak=margins.largest_rs, has_set=has_set)
     return Findings(
         verdict=decide_verdict(nominal, proofs, statistical=False),
         nominally_stable=stable,
@@ -245,14 +251,7 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
         margins=margins,
         proofs=proofs,
         form=loop.form,
-        reason=explain_lines(
-            nominal,
-            encirclements,
-            wanted=wanted,
-            peak=margins.largest_rs,
-            has_set=has_set,
-            unresolved=describe_unresolved(omega, 1 + L, np.abs(L)),
-        ),
+        reason=reason,
         advice=LINES_ADVICE,
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,

@@ -113,10 +113,11 @@ def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certi
     certify : whether it is proved at all frequencies, or computed on those of a grid.
     """
     found = bound_set_gain(N, blocks) if certify else None
-    omega = np.array([]) if found is None else np.array([found.omega])
-    if curve or found is None or not found.is_proved:
+    if found is None or not found.is_proved:
+        omega = np.union1d(structure_grid(N)[1:], [] if found is None else [found.omega])
+        return _SetGain(omega=omega, gain=gain_bound(response_by_channel(N, omega), blocks), n_lines=omega.size)
+    omega = np.array([found.omega])
+    if curve:
         omega = np.union1d(structure_grid(N)[1:], omega)
     gain = gain_bound(response_by_channel(N, omega), blocks)
-    if found is None or not found.is_proved:
-        return _SetGain(omega=omega, gain=gain, n_lines=omega.size)
     return _SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))

@@ -100,12 +100,7 @@ class ClassicalMargins:
                 "deg",
                 f"customary are {USUAL_PHASE_MARGIN:g} deg or more",
             ),
-            Fact(
-                "gain margin",
-                Peak(high, self.omega_gain) if np.isfinite(high) else "infinite" * bool(high > 0),
-                "dB" if np.isfinite(high) else "",
-                "how far the gain may rise",
-            ),
+            Fact("gain margin", Peak(high, self.omega_gain), "dB", "how far the gain may rise"),
             Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "how far the gain may fall"),
             Fact("bandwidth of S", self.bandwidth / (2 * np.pi), "Hz", "disturbances below it are reduced"),
         )

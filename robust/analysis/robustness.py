@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import control
+import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import keep_warnings, require_choice, require_positive, short_form
@@ -39,7 +40,8 @@ from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.report import RobustnessReport
 from robust.analysis.text import USUAL_PEAK, describe_confidence
 from robust.lti.connections import biproper_inverse
-from robust.lti.norms import hinf_norm
+from robust.lti.grids import structure_grid
+from robust.lti.lti import response
 from robust.lti.realisation import multivariable
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.measured import warn_of_unknown_hold
@@ -144,11 +146,15 @@ def check(
 
 
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
-    """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one."""
+    """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one.
+
+    It is the limit of a warning: a grid around the modes of 1/w_P, and infinite frequency, are enough.
+    """
     W = None if w_P is None else multivariable("w_P", w_P)
     if W is None or not W.issiso() or W.D[0, 0] == 0:
         return USUAL_PEAK
-    allowed, _ = hinf_norm(biproper_inverse(W))
+    inverse = biproper_inverse(W)
+    allowed = max(np.abs(response(inverse, structure_grid(inverse))).max(), abs(inverse.D[0, 0]))
     return allowed if 1 <= allowed <= _LARGEST_PEAK else USUAL_PEAK  # below one |S| grows no disturbance
 
 

@@ -313,13 +313,9 @@ LINES_PROVED = "Nothing; computed on the measured lines only."
 LINES_NOT_PROVED = "Anything between and outside the measured lines."
 
 
-def explain_lines(
-    nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool, unresolved: str
-) -> str:
-    """Return the reason of the verdict on a plant known on its lines only; peak is the largest rs."""
+def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool) -> str:
+    """Return the reason of a verdict that the lines of an FRF decide; peak is the largest rs."""
     lines_only = "holds on the measured lines only"
-    if nominal is Stability.UNDECIDED:
-        return unresolved
     if nominal is Stability.UNSTABLE:
         return f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
     if has_set and peak >= 1:
@@ -448,7 +444,7 @@ def disk_margin_fact(margins: Margins) -> Fact:
 
 
 def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
-    """Return the largest sensitivity over the set: what a plant of one channel reaches, of several a bound."""
+    """Return the largest sensitivity over the set: attained for one channel, an upper bound for several channels."""
     largest = Peak(margins.S_worst, margins.omega_S_worst)
     if single:
         return Fact("max |S|", largest, meaning=f"over the set; customary is at most {USUAL_PEAK:g}")

@@ -20,7 +20,7 @@ def save_learning(learning: Learning, path: PathLike) -> None:
     content |= {"model": encode_model(replace(learning.model, records=())), "K": encode_system(learning.K), "L": L}
     content |= {name: float(getattr(learning, name)) for name in _NUMBERS}
     content |= {"u_max": float(learning.u_max)} if learning.u_max < float("inf") else {}
-    write_json(content | {"proved": learning.proved, "reason": learning.reason}, path)
+    write_json(content | {"reason": learning.reason}, path)
 
 
 def load_learning(path: PathLike) -> Learning:
@@ -31,7 +31,6 @@ def load_learning(path: PathLike) -> Learning:
         model=decode_model(model, model["schema"]),
         K=decode_system(content["K"]),
         L=content["L"] if isinstance(content["L"], str) else decode_system(content["L"]),
-        proved=content["proved"],
         reason=one_line(content["reason"]),
         u_max=float(content.get("u_max", "inf")),
         **{name: float(content[name]) for name in _NUMBERS},

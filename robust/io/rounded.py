@@ -3,8 +3,8 @@
 A section is written in powers of q = z - 1, or of q = z if all its roots are nearer to 0. With x its input:
 
     y  := b0 x + s1                        (b0 q^2 + b1 q + b2) / (q^2 + a1 q + a2)
-    s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 are added where q = z - 1
-    s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 are added for q = z - 1
+    s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 in brackets are added for q = z - 1
+    s2 := b2 x - a2 y (+ s2)
 
 Slow poles have a small q, whose coefficients keep their digits: in powers of z the distance of a pole from 1 is the
 difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space is worse in single precision. For 49
@@ -33,7 +33,7 @@ from robust.lti.connections import in_parallel
 from robust.lti.lti import poles, response, scale_states, timebase, with_names, zeros
 from robust.lti.realisation import multivariable
 
-_INTEGRATOR_TOLERANCES = 1e-10, 1e-7  # |z - 1| of one pole at 1, and of two: they come out 1e-8 apart
+_INTEGRATOR_TOLERANCES = 1e-10, 1e-7  # |z - 1| of one pole at 1, and of two: they come out with a distance of 1e-8
 _LARGEST_ERROR = 1e-3  # error over |K| before rounding, above which the roots are not those of K
 _NEGLIGIBLE_GAIN = 1e-6  # share of the median |K|, the least unit for errors
 _NOTABLE_ERROR = 0.01  # of |K| by rounding, or of the largest output, above which there is a warning
@@ -134,17 +134,16 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
             "largest value by rounded operations" + ": take dtype='float64'" * (dtype == "float32"),
             DesignWarning,
         )
-    beside = " beside the integral" * bool(gain)
+    outside = " outside the integral" * bool(gain)
     facts = [
         f"sections: {len(groups)}, in powers of z - 1 (of z where all roots are nearer to 0), which keeps the digits "
         "of slow poles; in the order of the least bound of rounding",
         f"coefficients in {dtype} change |K| by at most {error:.2g} of itself, at {omega / 2 / np.pi:.4g} Hz",
-        f"operations in {dtype} move u by at most {noise:.2g} max|e|{beside}, {share:.2g} of the largest u that such "
+        f"operations in {dtype} move u by at most {noise:.2g} max|e|{outside}, {share:.2g} of the largest u that such "
         "an e makes there (l1 norms from each operation to u)"
         if np.isfinite(noise)
         else "rounded operations have no bound for K alone: it has a pole on or outside the unit circle",
-        f"quantisation: an e that is off by q moves u by at most {total:.4g} q{beside} (l1 norm), a u that is off by q "
-        "by q",
+        f"quantisation: an e that is off by q moves u by at most {total:.4g} q{outside} (l1 norm), a u off by q by q",
     ]
     if gain:
         facts.append(
@@ -176,8 +175,10 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
 
 def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
     """Return the least and largest output, infinite without a limit; refuse others."""
-    if limit is None or np.ndim(limit) == 0:
-        largest = np.inf if limit is None else require_positive("limit", limit)
+    if limit is None:
+        return np.array([-np.inf, np.inf])
+    if np.size(limit) == 1:
+        largest = require_positive("limit", np.ravel(limit)[0])
         return np.array([-largest, largest])
     bounds = require_real_array("limit", limit, ndim=1)
     if bounds.size != 2 or not bounds[0] < bounds[1]:
@@ -301,7 +302,8 @@ def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
 
 def _realise(K: control.StateSpace, chain: list[Statement], gain: float, pole: float) -> control.StateSpace:
     """Return the controller of the statements, with the names and the sampling time of K."""
-    rows, n = _propagate(chain)[0], len(_propagate(chain)[0]) - 1
+    rows, _ = _propagate(chain)
+    n = len(rows) - 1
     sections = control.StateSpace(
         rows[:n, :n], rows[:n, n : n + 1], rows[n:, :n], rows[n:, n : n + 1], K.dt, remove_useless_states=False
     )

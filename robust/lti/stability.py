@@ -161,8 +161,6 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
 
 # ---- The winding number of 1 + L about zero, counted on the lines of an FRF.
 
-#: Begin of a message, after "the lines", about lines that do not resolve a loop.
-LEFT_OPEN = "leave open how often 1 + L winds about zero"
 #: Largest phase step of a plant from line to line where |L| is above the second number.
 LARGEST_JUMP, _SMALL_LOOP = 2 * np.pi / 3, 0.01
 
@@ -234,8 +232,8 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
         f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}" for i, word in ((0, "first line"), (-1, "last"))
     )
     return (
-        f"the lines{who} {LEFT_OPEN}: {most}|L| is {first}, and {last}. Closer lines decide it (a longer --period), or "
-        "lower or higher ones (--f-min, --f-max), or a nominal model (robust model)"
+        f"the lines{who} leave open how often 1 + L winds about zero: {most}|L| is {first}, and {last}. Closer lines "
+        "decide it (a longer --period), or lower or higher ones (--f-min, --f-max), or a nominal model (robust model)"
     )
 
 

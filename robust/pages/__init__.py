@@ -1,4 +1,4 @@
-"""Pages: facts in sections, and a renderer each for text and HTML. As JSON they are what `to_plain` makes of a value.
+"""Pages: facts in sections, with a renderer for text and one for HTML; `to_plain` makes JSON of them.
 
 html     the page in a browser: one file with its pictures, its style and a small script that enlarges them
 section  facts, tables and pictures in sections

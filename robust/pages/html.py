@@ -35,7 +35,7 @@ def draw_picture(
     draw(*content, ax=figure.add_axes((left, 0.1, 0.98 - left, 0.84)), **options)
     bottom, top = max(map(height_below, figure.axes)) / height, 1 - 0.35 / height
     old = [axes.get_position() for axes in figure.axes]
-    for axes, place in zip(figure.axes, old, strict=True):  # room for the legend below, whatever it takes
+    for axes, place in zip(figure.axes, old, strict=True):  # free space for a legend of any height below
         low, high = (bottom + (y - 0.1) / 0.84 * (top - bottom) for y in (place.y0, place.y1))
         axes.set_position((place.x0, low, place.width, high - low))
     stream = BytesIO()

@@ -1,4 +1,4 @@
-"""What a page is made of. A fact is written down once, with its number; text, HTML and JSON show the same fact."""
+"""Facts, pictures and sections of a page. Text, HTML and JSON show the same fact."""
 
 from __future__ import annotations
 
@@ -39,11 +39,14 @@ class Fact:
 
     @property
     def amount(self) -> str:
-        """Return the value with its unit and its place; empty where there is none."""
+        """Return the value with its unit and frequency; empty if there is none."""
         number, place = self.value if isinstance(self.value, Peak) else (self.value, np.nan)
-        shown = number if isinstance(number, str) else f"{number:.4g}" * (not np.isnan(number))
         at = "" if np.isnan(place) else f" at {format_hertz(place)}"
-        return shown and f"{shown} {self.unit}".rstrip() + at
+        if isinstance(number, str):
+            return number and f"{number} {self.unit}".rstrip() + at
+        if np.isnan(number):
+            return ""
+        return ("infinite" if np.isinf(number) else f"{number:.4g} {self.unit}".rstrip()) + at
 
     def __str__(self) -> str:
         return f"{self.name} {self.amount}"
@@ -51,7 +54,7 @@ class Fact:
 
 @value(kw_only=False)
 class Picture:
-    """A picture: its content as a data address, and what it shows."""
+    """A picture: its content as a data address, and its caption."""
 
     source: str
     caption: str

@@ -8,7 +8,7 @@ from textwrap import wrap
 from nlfrf._base.values import SCREEN_WIDTH
 from robust.pages.section import Fact, Section
 
-_NARROWEST = 13  # columns of the names, so that short lists stand below one another
+_NARROWEST = 13  # columns of the names, so that short lists align
 
 
 def format_facts(facts: Iterable[Fact]) -> str:
@@ -29,7 +29,7 @@ def format_facts(facts: Iterable[Fact]) -> str:
 
 
 def format_table(table: Sequence[Sequence[str]]) -> str:
-    """Return rows in columns, two spaces apart.
+    """Return rows in columns, with two spaces between them.
 
     >>> print(format_table([("level", "force"), ("1", "0.3 N")]))
     level  force

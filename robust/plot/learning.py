@@ -29,7 +29,7 @@ def plot_contraction(learning: Learning, *, ax: Axes | None = None) -> Axes:
     ax, f = axes_or_new(ax), to_hertz(learning.omega)
     ax.plot(f, learning.contraction(learning.omega), "-", lw=1.8, color=COLOR["limit"], label="factor per trial")
     ax.plot(f, learning.Q(learning.omega), "--", lw=1.2, color=COLOR["radius"], label="Q")
-    ax.plot(f, learning.left(learning.omega), "-.", lw=1.2, color=COLOR["loop"], label="left of the error, at most")
+    ax.plot(f, learning.left(learning.omega), "-.", lw=1.2, color=COLOR["loop"], label="final error, at most")
     ax.axhline(learning.factor, lw=0.8, color=COLOR["limit"], ls=":", label=f"factor {learning.factor:.3g}")
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="ratio", title="Learning, for every plant of the set")
     low, high = to_hertz(np.asarray(learning.loop.band))

@@ -262,7 +262,7 @@ def describe_bandwidth(
     delay: float,
     within: float,
 ) -> str:
-    """Return the crossover or the bandwidth of S [Hz] of a nominal loop beside the one asked for; empty for several
+    """Return the crossover or the bandwidth of S [Hz] of a nominal loop, and the one asked for; empty for several
     channels.
 
     A crossover that is further off than the factor `within` is warned of.

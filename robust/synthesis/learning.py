@@ -65,10 +65,8 @@ class Learning:
         Largest x = rho/|c| at which L "set" is 1/c; L fades from there to x = 1.
     u_max : float
         Limit of |u|, inf for none.
-    proved : bool
-        True if the factor is proved between the frequencies, too.
     reason : str
-        Reason why it is not proved; empty if it is.
+        Reason why the factor is not proved between the frequencies; empty if it is.
 
     References
     ----------
@@ -95,7 +93,6 @@ class Learning:
     factor: float
     full: float
     u_max: float = np.inf
-    proved: bool = False
     reason: str = "not tried"
 
     def __post_init__(self) -> None:
@@ -120,6 +117,11 @@ class Learning:
             require_sampling_time("L", L, reference="the loop", wanted=loop.dt)
         elif self.L not in (_SET, _NOMINAL):
             raise ValueError(f'L must be "{_SET}", "{_NOMINAL}" or a system, got {short_form(self.L)}')
+
+    @property
+    def proved(self) -> bool:
+        """Return whether the factor is proved at every frequency."""
+        return not self.reason
 
     @cached_property
     def loop(self) -> Loop:
@@ -254,13 +256,13 @@ class Learning:
             f"factor per trial: at most {self.factor:.3g} for every linear plant of the set, {where}",
             "rule: the loop is robustly stable, so learning can contract exactly where the disc of J_p leaves zero out "
             f"(of a multiplicative set where |w| < 1): up to {end}, {seen}",
-            f"left of the error in the end: nothing up to {top}; elsewhere {most}",
-            "assumed: trials begin at the same state and repeat, noise apart, and have no end; let a trial run on at "
-            f"rest for {_END * self.settling:.2g} s, in which the learned input comes to be held",
+            f"final error: none up to {top}; elsewhere {most}",
+            "assumed: trials begin in the same state, repeat except for noise, and have no end. Let a trial run on at "
+            f"rest for {_END * self.settling:.2g} s, over which the learned input becomes constant",
             f"measured: the set from {format_hertz(low)} to {format_hertz(high)}; it is assumed elsewhere",
         ]
         if self.model.perturbation == "statistical":
-            lines.append("the set is statistical: it holds measured FRFs, and no theorem makes it hold the machine")
+            lines.append("the set is statistical: it contains measured FRFs, and no theorem extends it to the machine")
         return "\n".join(lines)
 
 
@@ -358,7 +360,7 @@ def design_learning(
         loop = stability_claim(model, K, w_P=None, delay=delay)
         found = prove_learning(LearningClaim(loop=loop, omega_Q=omega_Q, full=factor, level=level), time_cap=_TIME_CAP)
         reason = "" if found.holds else found.reason
-    return Learning(**made, omega_Q=omega_Q, factor=level, proved=not reason, reason=reason)
+    return Learning(**made, omega_Q=omega_Q, factor=level, reason=reason)
 
 
 def _largest_cutoff(learning: Learning, factor: float) -> float:

@@ -189,7 +189,7 @@ def _read_slot(given: Json, dt: float) -> Filter:
     kind = kinds[0]
     require_known("filters", given, [kind, *_FILTERS[kind]])
     if missing := [name for name, usual in _FILTERS[kind].items() if np.isnan(usual) and name not in given]:
-        raise ValueError(f"filters must have an entry {missing[0]} beside {kind}, got none")
+        raise ValueError(f"filters must have an entry {missing[0]} with {kind}, got none")
     numbers = _FILTERS[kind] | {
         name: parse_quantity(name, _FILTER_NUMBERS[name], given[name]) for name in given if name != kind
     }

@@ -1,6 +1,6 @@
 """Fits: a nominal plant, its poles, weights.
 
-class_error      the error of a class of models, beside the scatter of the lines, and its size
+class_error      the error of a class of models, in addition to the scatter of the lines, and its size
 fit_uncertainty  standard deviations of poles, zeros, gain and delay
 nominal          the nominal model: a rational function through a measured FRF
 rational         rational functions through complex data: vector fitting, starting poles, numerators

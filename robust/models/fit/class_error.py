@@ -1,4 +1,4 @@
-"""The error of a class of models, beside the scatter of the lines: its size, and its weight on each line.
+"""The error of a class of models, in addition to the scatter of the lines: its size, and its weight on each line.
 
 No machine has exactly four poles. The error of the class is not noise, and is no smaller on lines with small scatter:
 

@@ -27,8 +27,8 @@ from robust._base.channels import is_matrix, is_single, require_matrix
 from robust._base.types import AnySystem
 from robust._base.warnings import DesignWarning
 from robust.lti.connections import block_diagonal, in_series
-from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
-from robust.lti.realisation import from_roots
+from robust.lti.lti import SAMPLING_TOLERANCE, response, timebase, with_names
+from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import delay_samples, delayed, discretize, hold_correction
 from robust.models.fit.class_error import loop_tolerance, most_likely_size
 from robust.models.fit.fit_uncertainty import (
@@ -883,6 +883,19 @@ def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | fl
     through = control.StateSpace([], [], [], [[1.0]], G.dt)
     each = [delayed(through, float(tau), order=_PADE_ORDER_PER_INPUT) for tau in delays]
     return in_series(block_diagonal(each, G.dt), G), float(np.max(delays))
+
+
+def single_nominal(
+    nominal: NominalFit | AnySystem | float,
+) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
+    """Return a nominal of one channel, an FRF or a system, with its delay inside, and that delay [s]."""
+    plant, delay = with_delays(nominal)
+    return plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant), delay
+
+
+def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
+    """Return the sampling time [s] of a nominal, 0 for an FRF."""
+    return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:

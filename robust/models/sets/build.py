@@ -28,8 +28,7 @@ from nlfrf._base.arguments import (
 from robust._base.channels import is_single
 from robust._base.types import AnySystem, Weight
 from robust._base.warnings import DesignWarning
-from robust.lti.lti import timebase
-from robust.lti.realisation import multivariable, state_space
+from robust.lti.realisation import multivariable
 from robust.models.fit.class_error import mean_size, smooth_size, target_loop
 from robust.models.fit.nominal import (
     NominalFit,
@@ -39,6 +38,8 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
     require_same_units,
+    sampling_time_of,
+    single_nominal,
     with_delays,
 )
 from robust.models.fit.weights import larger_of_neighbours
@@ -246,7 +247,7 @@ def uncertainty(
         recorded = _single_records(bla)
     nominal, delay = _nominal_of_records(nominal, recorded[0])
     is_frf = isinstance(nominal, control.FrequencyResponseData)
-    many = recorded if is_frf else [bla_behind_hold(one, _sampling_time_of(nominal)) for one in recorded]
+    many = recorded if is_frf else [bla_behind_hold(one, sampling_time_of(nominal)) for one in recorded]
     made = (_block_set if several else _disc_set)(many, nominal, form, rules, order, spec, (W1, W2), omega_c)
     made["origin"] = replace(
         made["origin"],
@@ -325,7 +326,7 @@ def _disc_set(
     omega_c: float,
 ) -> _SetFields:
     """Return radius, parts and weight of a set for one channel, in the unit of its form."""
-    row, dt = FORMS[form], _sampling_time_of(nominal)
+    row, dt = FORMS[form], sampling_time_of(nominal)
     omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
@@ -382,7 +383,7 @@ def _block_set(
             row,
             order=order,
             rules=rule,
-            dt=_sampling_time_of(nominal),
+            dt=sampling_time_of(nominal),
             importance=importance,
         )
         for row, rule in zip(radius, each, strict=True)
@@ -403,11 +404,6 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     return scaling if any(W is not None for W in scaling) else ()
 
 
-def _sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
-    """Return the sampling time [s] of a nominal, 0 of an FRF."""
-    return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
-
-
 def _single_records(bla: object) -> list[Bla]:
     """Return the records of one channel that were given, one or a list."""
     many: list[Any] = list(bla) if isinstance(bla, list | tuple) else [bla]
@@ -423,10 +419,10 @@ def _nominal_of_records(nominal: NominalFit | AnySystem | float, bla: Bla) -> tu
     """Return the nominal with its delays inside, as the channels of the record need it, and the longest delay [s]."""
     if isinstance(nominal, NominalFit) and not bla.is_single:
         require_same_channels(bla, nominal, "its nominal")
-    system, delay = with_delays(nominal)
     if bla.is_single:
-        return system if isinstance(system, control.FrequencyResponseData) else state_space("nominal", system), delay
-    system = multivariable("nominal", system)
+        return single_nominal(nominal)
+    given, delay = with_delays(nominal)
+    system = multivariable("nominal", given)
     if (system.noutputs, system.ninputs) != (bla.n_outputs, bla.n_inputs):
         raise ValueError(
             f"nominal must have {bla.n_outputs} outputs and {bla.n_inputs} inputs, as the record, "

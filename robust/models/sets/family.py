@@ -382,7 +382,7 @@ def make_family_set(
     """Return the set of a family, in the requested form or in the one with the smallest measure."""
     family, full, chosen = _make_family(plants, nominal), is_full(weights), ""
     if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
-        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
+        raise ValueError("bla must hold a plant other than the nominal, got none that differs")
     if form in (AUTO, DEFAULT_FORM):
         bandwidth = (
             float(np.sqrt(family.omega[0] * family.omega[-1]))

@@ -88,7 +88,7 @@ from robust.lti.realisation import (
     rightmost_pole,
     state_space,
 )
-from robust.models.fit.nominal import NominalFit, checked_weight, with_delays
+from robust.models.fit.nominal import NominalFit, checked_weight, sampling_time_of, single_nominal
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (
@@ -107,7 +107,7 @@ from robust.models.sets.forms import (
 from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.membership import Deviation, block_deviation, coprime_deviation, right_roots
 from robust.models.sets.perturbations import perturbed_plant, random_delta
-from robust.models.sets.radius import Extrapolation, checked_slope, fit_extrapolated
+from robust.models.sets.radius import Extrapolation, checked_slope, fit_covering_weight
 from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
 
 _ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, with rounding
@@ -317,17 +317,8 @@ class UncertaintyModel:
         omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
         if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
             raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
-        plant, delay = with_delays(nominal)
-        is_frf = isinstance(plant, control.FrequencyResponseData)
-        plant = plant if is_frf else state_space("nominal", plant)
-        covered = rules.extrapolate(omega, radius, 0.0 if is_frf else timebase(plant))
-        weight = fit_extrapolated(
-            covered,
-            rules,
-            order=order,
-            dt=0.0 if is_frf else timebase(plant),
-            importance=1.0 * (covered[0] <= omega[-1]),
-        )
+        plant, delay = single_nominal(nominal)
+        weight = fit_covering_weight(omega, radius, order=order, rules=rules, dt=sampling_time_of(plant))
         return cls(
             nominal=plant,
             weight=checked_weight(weight, omega, radius, order=order),

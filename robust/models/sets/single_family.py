@@ -14,9 +14,9 @@ import numpy as np
 
 from nlfrf._base.arguments import format_count, require_choice
 from robust._base.types import AnySystem
-from robust.lti.lti import response, timebase
+from robust.lti.lti import response
 from robust.lti.realisation import frequency_response, state_space
-from robust.models.fit.nominal import NominalFit, checked_weight, with_delays
+from robust.models.fit.nominal import NominalFit, checked_weight, sampling_time_of, single_nominal
 from robust.models.sets.family import CLOSE_LIFT, LIFT, MAX_LIFT, MAX_ROUNDS, TOLERANCE
 from robust.models.sets.forms import FORMS, Form
 from robust.models.sets.membership import require_equal_roots
@@ -44,9 +44,8 @@ def make_set_of_plants(
     row = FORMS[require_choice("form", form, tuple(FORMS))]
     if row.depends_on_units:
         raise ValueError(f"form must not depend on units where plants are given, got {form}")
-    centre, delay = with_delays(nominal)
-    is_frf = isinstance(centre, control.FrequencyResponseData)
-    centre, dt = (centre, 0.0) if is_frf else (state_space("nominal", centre), timebase(centre))
+    centre, delay = single_nominal(nominal)
+    dt, is_frf = sampling_time_of(centre), isinstance(centre, control.FrequencyResponseData)
     omega, radius = _radius_of_plants(plants, centre, row)
     source = f"{format_count(len(plants), 'plant')} that were given"
     kinds = (control.StateSpace, control.TransferFunction)
@@ -99,7 +98,7 @@ def _radius_of_plants(
             )
         each.append(larger_neighbour(lines, omega, away))
     if not differs:
-        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
+        raise ValueError("bla must hold a plant other than the nominal, got none that differs")
     radius = np.nanmax(each, axis=0)
     return lines, np.maximum(radius, MIN_RADIUS_RATIO * radius.max())
 

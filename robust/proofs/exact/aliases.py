@@ -215,6 +215,12 @@ class AliasBounds:
             F_max=reduce(arb.max, F, f_last),
         )
 
+    def hold(self, low: arb, high: arb) -> tuple[arb, arb]:
+        """Return a lower and an upper bound of |h_0|, the hold at the frequency itself, on omega in [low, high]."""
+        first, last = low * self.dt / 2, high * self.dt / 2  # sin x/x falls up to Nyquist, x = pi/2
+        least = (last.sin() / last).abs_lower() if last > 0 else arb(1)
+        return least, (first.sin() / first).abs_upper() if first > 0 else arb(1)
+
     def sums(self, low: arb, high: arb) -> _Sums:
         """Return the sums on omega in [low, high]."""
         sine = _sine_up(high * self.dt / 2)
@@ -316,9 +322,7 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
 
     S, KS, T = quotient_up(t.G_den, t.K_den), quotient_up(t.G_den, t.K_num), quotient_up(t.G_num, t.K_num)
     GS = quotient_up(t.G_num, t.K_den)
-    x = high * aliases.dt / 2
-    hold_low = (x.sin() / x).abs_lower() if x < arb.pi() * 3 / 4 else arb("0.3")
-    hold = arb(1) if low == 0 else ((low * aliases.dt / 2).sin() / (low * aliases.dt / 2)).abs_upper()
+    hold_low, hold = aliases.hold(low, high)
     G, G_inverse = aliases.G.bounds(low, high)
     w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low

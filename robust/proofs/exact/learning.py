@@ -124,9 +124,7 @@ def _with_aliases(aliases: AliasBounds, t: Terms, *, low: arb, high: arb) -> lis
     The radius is given twice: R = |h_0 F| + rest about G_d, and relative to |G_d|, with |h_0 G| <= |G_d|/(1 - share).
     """
     sums, w = aliases.sums(low, high), aliases.w.upper(low, high)
-    half = high * aliases.dt / 2
-    hold_low = (half.sin() / half).abs_lower() if half > 0 else arb(1)
-    hold = arb(1) if low == 0 else ((low * aliases.dt / 2).sin() / (low * aliases.dt / 2)).abs_upper()
+    hold_low, hold = aliases.hold(low, high)
     _, G_inverse = aliases.G.bounds(low, high)
     share, others = sums.G * G_inverse / hold_low, sums.F * G_inverse / hold_low
     y = squared_line(low, high)

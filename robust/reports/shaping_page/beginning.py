@@ -21,7 +21,7 @@ _LEAST_LAG, _MOST_LAG = (
     70.0,
 )  # of the integrator at the crossover [degrees]: a corner at a tenth, or at 2.7 times it
 _LEAST_LEAD, _MOST_LEAD = 5.0, 65.0  # [degrees]; one lead gives no more without a gain that noise does not allow
-_NOT_ROBUST = 1e6  # times rs, for a loop that is not robustly stable: beside it no demand counts
+_NOT_ROBUST = 1e6  # factor on rs for a loop that is not robustly stable: larger than any demand
 _MOST_ROLL_OFF = 45.0  # phase that a roll-off of first order takes at the crossover [degrees]: its corner is there
 _BELOW_NYQUIST = 0.9  # of the Nyquist frequency, for a corner
 #: Crossovers over the first, tried in this order until a loop is robust and meets the demand. Where one was asked

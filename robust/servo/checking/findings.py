@@ -309,9 +309,10 @@ class DriveCheck:
             unit = ratio_unit(self.unit, settings.base_unit)
             loop.append(Fact("stiffness", self.stiffness, unit, "the least over frequency, of a force on the axis"))
         around = f"The set of plants around {self.base} [{ratio_unit(settings.base_unit, self.unit)}]"
-        smoothed = f"kv/(s + kv) smooths the set point; a force meets the {linear.classical.facts[1]}"
+        margins = {fact.name: fact for fact in linear.classical.facts}
+        smoothed = f"kv/(s + kv) smooths the set point; a force meets the {margins['phase margin']}"
         found = () if self.step is None else self.step.facts
-        step = [replace(fact, meaning=smoothed) if fact.unit == "%" else fact for fact in found]
+        step = [replace(fact, meaning=smoothed) if fact.name == "overshoot" else fact for fact in found]
         motion = "At rest friction holds the axis like a spring; in motion it slides, and the axis answers as a mass."
         return (
             Section("gains", "Gains", f"{first}.", verdict),

@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.stability import LEFT_OPEN, unstable_poles
+from robust._base.states import Stability
+from robust.lti.stability import unstable_poles
 from robust.synthesis.fixed.cone_program import Demand, Rows, Step, solve_step
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
@@ -71,20 +72,20 @@ class DesignTask:
         """Return the merit: demands first, then the goal."""
         return max(self.hard(theta), 1 + _TOLERANCE), self.goal(theta)
 
-    def stability_change(self, old: np.ndarray, new: np.ndarray) -> str:
-        """Return "" if loop and controller keep their number of unstable poles from old to new; else the reason."""
+    def decide_stability(self, old: np.ndarray, new: np.ndarray) -> tuple[Stability, str]:
+        """Return STABLE if loop and controller keep their numbers of unstable poles from old to new, or the reason."""
         P_old, P = self.loop(old), self.loop(new)
         if not np.all((P * P_old.conj()).real[self.at.known] > 0):
-            return "the loop changes"
+            return Stability.UNSTABLE, "the loop changes"
         if not np.all(linear_rows(self, old) @ new >= 0):
-            return "the controller changes"
+            return Stability.UNSTABLE, "the controller changes"
         zeros, poles = self.basis.zeros_and_poles(new)
         if zeros.size > poles.size:  # a pole of the start beyond the fastest one has gone to infinity
-            return "the controller is not proper"
+            return Stability.UNSTABLE, "the controller is not proper"
         K = self.basis.controller(new)
         if self.stable and unstable_poles(K, self.basis.dt):
-            return "the controller is unstable"
-        return loops_stable(K, self.family, self.n_unstable)[1]
+            return Stability.UNSTABLE, "the controller is unstable"
+        return loops_stable(K, self.family, self.n_unstable)
 
 
 def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
@@ -239,7 +240,7 @@ def _improve_start(
             break
         new = T @ eta
         before = task.merit(theta)
-        best, obstacle = _line_search(task, theta, new)
+        best, open_question = _line_search(task, theta, new)
         after = task.merit(best)
         missed = _demand_peaks(task, new, 6) & ~mask
         if missed.any() and not is_lower(after, before, 1e-2):
@@ -256,8 +257,8 @@ def _improve_start(
             why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
             break
         if slow >= 2:
-            if LEFT_OPEN in obstacle:
-                why = f"ended early: for a better one {obstacle}"
+            if open_question:
+                why = f"ended early: for a better one {open_question}"
             break
     else:
         why = "stopped at the largest number of iterations" if n_iterations else "not iterated"
@@ -272,27 +273,31 @@ def is_lower(after: tuple[float, float], before: tuple[float, float], by: float)
 
 
 def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the best point of equal stability, on the way to the new iterate and beyond, and the obstacle there."""
+    """Return the best point of equal stability, on the way to the new iterate and beyond.
+
+    Also return why the stability of a better one is not decided, if that is the first obstacle; "" otherwise.
+    """
     P_old, P = task.loop(old), task.loop(new)
     new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the path is short
-    best, merit, obstacle = old, task.merit(old), ""
+    best, merit, obstacle = old, task.merit(old), (Stability.STABLE, "")
     for ladder in ((1.0, 2.0, 4.0, 8.0), (0.7, 0.5, 0.3, 0.1, 0.03)):
         for reach in ladder:
             trial = old + reach * (new - old)
             found = task.merit(trial)
-            why = task.stability_change(old, trial) if found < merit else ""
-            if found < merit and not why:
+            decided = task.decide_stability(old, trial) if found < merit else (Stability.STABLE, "")
+            if found < merit and decided[0] is Stability.STABLE:
                 best, merit = trial, found
             elif reach > 1:
                 break
-            obstacle = obstacle or why
+            obstacle = obstacle if obstacle[1] else decided
             if reach < 1 and best is not old:
                 break
         if best is not old:
             break
     if task.hard(old) > 1 + _TOLERANCE >= task.hard(best):
         best = _nearest_met(task, old, best)
-    return best, obstacle
+    state, why = obstacle
+    return best, why if state is Stability.UNDECIDED else ""
 
 
 def _nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
@@ -303,7 +308,7 @@ def _nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarr
         trial = old + middle * (met - old)
         if task.hard(trial) <= 1 + _TOLERANCE:
             high = middle
-            if task.merit(trial) < task.merit(best) and not task.stability_change(old, trial):
+            if task.merit(trial) < task.merit(best) and task.decide_stability(old, trial)[0] is Stability.STABLE:
                 best = trial
         else:
             low = middle

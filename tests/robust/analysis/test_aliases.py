@@ -132,7 +132,7 @@ def test_what_reaches_the_sampler_unfiltered_is_not_certified():
         assert report.verdict == "not certified"
         assert "reaches the sampler unfiltered" in report.reason
         assert report.margins.rs == 0
-        assert "max rs: inf at" in unwrapped(report)
+        assert "max rs: infinite at" in unwrapped(report)
         rolled = the_set(G, control.tf([0.02], [0.1, 1]), form, kind)
         assert check(rolled, K).verdict == "robust"
     flat = the_set(control.tf([1, 3], [1, 1]), gain(0.01))

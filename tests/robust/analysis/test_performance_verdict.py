@@ -17,12 +17,12 @@ def single(M_S):
     return check(model, 2.0, w_P=control.ss([], [], [], [[1 / M_S]]))
 
 
-def several(M_S):
+def several(M_S, **options):
     G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     model = UncertaintyModel(
         G, form="input", left=(0.2, 0.2), right=(1, 1), omega=np.array([1.0, 2.0]), perturbation="LTI"
     )
-    return check(model, control.ss([], [], [], 2 * np.eye(2)), w_P=control.ss([], [], [], [[1 / M_S]]))
+    return check(model, control.ss([], [], [], 2 * np.eye(2)), w_P=control.ss([], [], [], [[1 / M_S]]), **options)
 
 
 @pytest.mark.parametrize(("judge", "missed"), [(single, "not met"), (several, "not proved")])
@@ -77,3 +77,11 @@ def test_conditions_stand_below_the_verdict_one_a_line():
         'condition:   no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
     ]
     assert "condition:" not in str(single(2.0))
+
+
+def test_the_largest_sensitivity_over_a_set_is_proved_only_if_proofs_are_wanted():
+    proved, computed = several(3.0), several(3.0, certify=False)
+    assert proved.margins.S_worst_lines == 0
+    assert "over the set, on" not in str(proved)
+    assert f"over the set, on {computed.margins.S_worst_lines} frequencies" in " ".join(str(computed).split())
+    assert 0.99 * proved.margins.S_worst < computed.margins.S_worst <= proved.margins.S_worst

@@ -343,7 +343,7 @@ def test_the_check_names_the_largest_sensitivity_of_the_worst_plant(form):
     if form != "coprime":  # whose weight stays below one
         far = check(model(form, 40.0), K)
         assert not np.isfinite(far.margins.S_worst)
-        assert ("max |S|: inf at" in unwrapped(str(far))) == np.isinf(far.margins.S_worst)
+        assert ("max |S|: infinite at" in unwrapped(str(far))) == np.isinf(far.margins.S_worst)
     assert np.isnan(check(model(form), -3.0).margins.S_worst)
 
 

@@ -518,7 +518,7 @@ def test_gains_that_are_not_well_written_are_refused(tmp_path, change, message):
     ("slot", "message"),
     [
         ('bandwidth = "2 Hz"', "filters must each have one of notch, low_pass, biquad"),
-        ('notch = "80 Hz"', "filters must have an entry bandwidth beside notch, got none"),
+        ('notch = "80 Hz"', "filters must have an entry bandwidth with notch, got none"),
         ('notch = "80 Hz"\nwidth = "2 Hz"', "filters must have no entry 'width'.* It may have bandwidth, depth, notch"),
         ('low_pass = "80"', 'low_pass must be a number with its unit, such as "1 Hz" or "1 kHz"'),
     ],

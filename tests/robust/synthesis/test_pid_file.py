@@ -112,7 +112,7 @@ PID = 'sample_time = "1 ms"; delay = "0.5 ms"; Kp = "800 N/m"; Ki = "5 N/(mm s)"
             ("2 ms", '2 ms"; [[filters]]; notch = "500 Hz"; bandwidth = "9 Hz'),
             "notch must lie below half the sampling ",
         ),
-        (("2 ms", '2 ms"; [[filters]]; notch = "50 Hz'), "filters must have an entry bandwidth beside notch, got none"),
+        (("2 ms", '2 ms"; [[filters]]; notch = "50 Hz'), "filters must have an entry bandwidth with notch, got none"),
     ],
 )
 def test_what_is_not_well_written_is_one_line(tmp_path, change, message):
