@@ -38,7 +38,7 @@ def draw_result() -> None:
         1, 2, figsize=(11, 4.9), layout="constrained", gridspec_kw={"width_ratios": [1.55, 1]}
     )
     plot_bla(bla, ax=left)
-    left.set_title("One record of a machine with friction: the FRF, and how far it can be believed")
+    left.set_title("One record of a machine with friction: its FRF and the bound")
     plot_nyquist(report, ax=right)
     right.set_title("The loop, with every plant in the set")
     save(figure, "result.png")

@@ -536,14 +536,14 @@ def describe_encoder_noise(gain: float, unit: str) -> str:
     """Describe the rms of u over the step of an encoder; unit of the plant, y over u. Empty where it is not known.
 
     >>> describe_encoder_noise(4.0e4, "m/N")
-    'rounding to steps moves u by 0.04 N rms for each um of a step, while y moves over many of them'
+    'a step of 1 um adds 0.04 N rms to u, while y moves over many steps'
     """
     if not np.isfinite(gain):
         return ""
     top, _, bottom = unit.rpartition("/")
     size, step = (1e-6, f"u{top}") if top in ("m", "rad") else (1.0, top if top not in ("", "1") else "unit of y")
     rms = " ".join([f"{gain * size:.3g}", *bottom.split()]).removesuffix(" 1")
-    return f"rounding to steps moves u by {rms} rms for each {step} of a step, while y moves over many of them"
+    return f"a step of 1 {step} adds {rms} rms to u, while y moves over many steps"
 
 
 def _loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:

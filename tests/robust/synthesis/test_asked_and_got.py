@@ -97,7 +97,7 @@ def test_the_noise_of_an_encoder_is_that_of_rounding():
     u = control.forced_response(control.feedback(K, G), inputs=rounding).outputs
     assert np.std(u[2000:]) / step == pytest.approx(report.encoder_noise, rel=0.1)
     text = unwrapped(str(report))
-    assert f"rounding to steps moves u by {1e-6 * report.encoder_noise:.3g} N rms for each um of a step" in text
+    assert f"a step of 1 um adds {1e-6 * report.encoder_noise:.3g} N rms to u" in text
     continuous = check(model_of(plant, "m/N"), control.tf([1.0], [1, 0]))
     assert np.isnan(continuous.encoder_noise)
     assert "encoder:" not in str(continuous)
