@@ -83,7 +83,7 @@ def test_the_noise_of_an_encoder_is_its_closed_form(g):
     k, dt = 1.2, 1e-2
     report = check(model_of(control.tf([g], [1, 0], dt), dt=dt), control.ss([], [], [], [[k]], dt))
     assert report.encoder_noise == pytest.approx(k / np.sqrt(1 - (k * g) ** 2) / np.sqrt(12), rel=1e-9)
-    assert "rms for each unit of y of a step" in unwrapped(str(report))
+    assert "a step of 1 unit of y adds" in unwrapped(str(report))
 
 
 def test_the_noise_of_an_encoder_is_that_of_rounding():
