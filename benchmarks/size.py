@@ -1,11 +1,12 @@
-"""How large the packages are: lines, statements, public names and the ways to them, arguments, fields, depth.
+"""How large the packages are, and how visible their inside: names, arguments, fields, depth, modes, tuned numbers.
 
     python -m benchmarks.size                    # this tree
     python -m benchmarks.size --tree FOLDER      # another checkout, with its own packages
 
 Statements are those of Python, a docstring being one. A public object counts once, a way to it is a name in the
 namespace of a public module. The complexity of a function is the number of its branches (McCabe), boolean operators
-counted.
+counted. A place that branches on the kind of its input calls one of `KINDS` or `isinstance` with an argument of the
+function that it stands in.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ REPORTED = {
     "nlfrf.Bla": "Bla",
     "nlfrf.rig.Drive": "Drive",
 }
+#: Names that give the kind of a plant, a record or a set: one channel or several, lines or a system.
+KINDS = ("is_single", "is_matrix", "is_known_on_lines", "has_several_channels", "measured_only", "has_full_weights")
 BRANCHES = (ast.If, ast.For, ast.While, ast.ExceptHandler, ast.IfExp, ast.Assert, ast.comprehension, ast.match_case)
 
 
@@ -60,6 +63,79 @@ def complexity(function: ast.FunctionDef) -> int:
         found += len(node.values) - 1 if isinstance(node, ast.BoolOp) else 0
         found += len(node.ifs) if isinstance(node, ast.comprehension) else 0
     return found
+
+
+def count_kinds(tree: ast.Module) -> int:
+    """Return the number of places that branch on the kind of their input."""
+    found = 0
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            given = {one.arg for one in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)}
+            for call in ast.walk(function):
+                if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "isinstance":
+                    found += isinstance(call.args[0], ast.Name) and call.args[0].id in given - {"self", "other"}
+    for node in ast.walk(tree):
+        found += isinstance(node, ast.Attribute) and node.attr in KINDS
+        found += isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in KINDS
+    return found
+
+
+def is_tuned(node: ast.stmt) -> bool:
+    """Return True for a constant of a module that holds a number."""
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return False
+    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+    names = [name.id for name in ast.walk(target) if isinstance(name, ast.Name)]
+    numbers = [c for c in ast.walk(node.value) if isinstance(c, ast.Constant) and type(c.value) in (int, float)]
+    return bool(names and names[0].isupper() and numbers)
+
+
+def count_nan_fields(tree: ast.Module) -> int:
+    """Return the number of fields of classes whose default is NaN."""
+    return sum(
+        isinstance(field, ast.AnnAssign) and field.value is not None and ast.unparse(field.value).endswith("nan")
+        for kind in ast.walk(tree)
+        if isinstance(kind, ast.ClassDef)
+        for field in kind.body
+    )
+
+
+def imported_names(folder: Path) -> set[tuple[str, str]]:
+    """Return (module, name) of everything that the files of a folder import from the packages by name."""
+    return {
+        (node.module, alias.name)
+        for path in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in PACKAGES
+        for alias in node.names
+    }
+
+
+def measure_inside(root: Path, modules: dict[str, ast.Module], public: set[str]) -> list[tuple[str, object]]:
+    """Return the rows on the inside: how it reads, and how much of it the tests hold fast."""
+    nodes = [node for tree in modules.values() for node in ast.walk(tree)]
+    statements = sum(isinstance(node, ast.stmt) for node in nodes)
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
+    internal = {
+        (module, name)
+        for module, name in imported_names(root / "tests")
+        if "." in module and f"{module}.{name}" not in modules and f"{module}.{name}" not in public
+    }
+    files = [path.read_text().splitlines() for package in PACKAGES for path in (root / package).rglob("*.py")]
+    return [
+        ("syntax nodes", len(nodes)),
+        ("places that branch on a kind of input", sum(map(count_kinds, modules.values()))),
+        ("fields that default to NaN", sum(map(count_nan_fields, modules.values()))),
+        ("tuned numbers at module level", sum(is_tuned(node) for tree in modules.values() for node in tree.body)),
+        ("ternaries in 100 statements", round(100 * sum(isinstance(n, ast.IfExp) for n in nodes) / statements, 1)),
+        ("internal names that tests import", len(internal)),
+        ("lines of the largest module", max(map(len, files))),
+        ("lines of the longest function", max((f.end_lineno or 0) - f.lineno for f in functions)),
+        (
+            "comment lines [%]",
+            round(100 * sum(line.strip().startswith("#") for f in files for line in f) / sum(map(len, files)), 1),
+        ),
+    ]
 
 
 def longest_chain(modules: dict[str, ast.Module]) -> int:
@@ -127,6 +203,9 @@ def measure_tree(root: Path) -> list[tuple[str, object]]:
             sum(isinstance(n, ast.Name) and n.id == "Any" for tree in modules.values() for n in ast.walk(tree)),
         ),
     ]
+    public = {f"{thing.__module__}.{thing.__name__}" for _, _, thing in names if hasattr(thing, "__name__")}
+    public |= {f"{module}.{name}" for module, name, _ in names}
+    rows += measure_inside(root, modules, public)
     for full, label in REPORTED.items():
         module, _, name = full.rpartition(".")
         kind = getattr(import_module(module), name, None)
