@@ -185,7 +185,7 @@ def inspect(
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
     if picture is not None:
-        from nlfrf.plot import plot_screened
+        from nlfrf.plot.signals import plot_screened
 
         screened = screen_file(file[0], found[0])
         write_pictures(picture, [(plot_screened, screened)], height=1.6 + 1.8 * len(screened.labels))

@@ -10,7 +10,7 @@ All of them can be imported from here: `from nlfrf.plot import plot_bla`.
 
 from nlfrf.plot.bla import plot_bla, plot_blas, plot_bode, plot_levels, plot_opinion, plot_phase
 from nlfrf.plot.matrix import plot_frm, plot_frm_bounds, plot_rga, plot_singular_values
-from nlfrf.plot.signals import plot_excitation, plot_input, plot_samples, plot_screened, plot_spectrum
+from nlfrf.plot.signals import plot_excitation, plot_input, plot_samples, plot_spectrum
 
 __all__ = [
     "plot_bla",
@@ -25,7 +25,6 @@ __all__ = [
     "plot_phase",
     "plot_rga",
     "plot_samples",
-    "plot_screened",
     "plot_singular_values",
     "plot_spectrum",
 ]

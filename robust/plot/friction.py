@@ -169,5 +169,5 @@ def plot_rest(
     ax.set_ylim(-0.7, len(cases) - 0.5)
     ax.invert_yaxis()
     ax.set(xscale="log", xlim=(low, high), xlabel=f"largest distance from the set point in the end [µ{unit}]")
-    ax.set_title("What rests where")
+    ax.set_title("Distance from the set point in the end")
     return finish_axes(ax)

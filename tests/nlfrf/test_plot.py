@@ -10,6 +10,7 @@ from matplotlib import pyplot as plt
 
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
+from nlfrf.plot.signals import plot_screened
 from nlfrf.records.screened import screen_streams
 from tests.support.pictures import labels, notes
 
@@ -51,7 +52,7 @@ def test_a_screened_record_shows_what_is_left_out_and_what_is_wrong(ax):
     y[300] = 50.0
     rows = np.delete(np.arange(u.size), 400)
     found = screen_streams([u[rows], y[rows]], ["u [N]", "y [m]"], n_inputs=1, fs=128, period=128, place=rows)
-    top, bottom = pictures.plot_screened(found, ax=ax)[:, 0]
+    top, bottom = plot_screened(found, ax=ax)[:, 0]
     assert (top.get_ylabel(), bottom.get_ylabel(), bottom.get_xlabel()) == ("u [N]", "y [m]", "time [s]")
     assert top.get_title() == "4 whole periods of 128 samples"
     assert labels(top.figure.axes[-1]) == [
@@ -68,10 +69,10 @@ def test_a_screened_record_shows_what_is_left_out_and_what_is_wrong(ax):
 
 def test_a_record_without_clock_or_period_is_drawn_over_samples(ax):
     found = screen_streams([np.random.default_rng(1).standard_normal(300)], ["u"], n_inputs=1, fs=np.nan, period=0.0)
-    (only,) = pictures.plot_screened(found, ax=ax)[:, 0]
+    (only,) = plot_screened(found, ax=ax)[:, 0]
     assert (only.get_title(), only.get_xlabel(), only.get_xlim()) == ("no channel repeats", "sample", (0, 299))
     with pytest.raises(ValueError, match="screened must be of type ScreenedStreams"):
-        pictures.plot_screened(U)
+        plot_screened(U)
 
 
 def test_several_blas_lie_over_one_another_with_their_bounds(ax):

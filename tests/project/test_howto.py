@@ -26,7 +26,7 @@ PAGES = [
 
 
 #: Pages that take seconds.
-SLOW = {"friction_classes", "axis", "extend", "from_matlab", "servo_axis"}
+SLOW = {"friction_classes", "friction_laws", "tuned_drive", "pictures", "axis", "extend", "from_matlab", "servo_axis"}
 
 
 @pytest.mark.parametrize(
