@@ -1,11 +1,11 @@
 r"""Robust stability and performance of a continuous set under a sampled controller: the sum over all aliases.
 
-Behind hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi k/T,
+After hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi k/T,
 
     G_d = sum_k h_k G_k,    |h_k| = |sin(omega T/2)| / |omega_k T/2|,
 
 and a perturbation acts at each of them. With F = G w (multiplicative, inverse-additive) or w (additive,
-inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable where, at every omega up to Nyquist,
+inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable if, at every omega up to Nyquist,
 
     class      form               condition
     LTI        mult., additive    |K S| sum_k |h_k F_k| < 1                                       (exact)
@@ -13,15 +13,16 @@ inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable 
     LTI        inverse            0 outside of sum_k {h_k G_k/(1 + F_k Delta_k)} K + 1, |F_k| < 1 for k != 0  (exact)
     operator   inverse            |M| < 1, M = diag(F_k) - g F^T, g_k = h_k G_k K S
 
-LTI: the values of Delta at different frequencies are free of each other, so each alias fills its own disc, and the
-sampled plant the sum of these discs (Dullerud & Glover 1993). Operator: a nonlinear or time-varying Delta moves
-energy from one frequency to another. What counts then is the L2 gain of what it sees: by Cauchy-Schwarz the samples of
-F p have at most (1/T) sum_k |F_k|^2 of the energy of p, and the hold makes T of the energy of its samples; both are
-reached at one frequency, so the gain of the path is exactly the square root above (Braslavsky, Middleton & Freudenberg
-1998). Where F does not fall off neither sum is finite: the perturbation reaches the sampler unfiltered.
+LTI: the values of Delta at different frequencies are independent, so each alias fills its own disc, and the sampled
+plant fills the sum of these discs (Dullerud & Glover 1993). Operator: a nonlinear or time-varying Delta moves energy
+from one frequency to another, so its condition uses the L2 gain of the path around it. By Cauchy-Schwarz the samples of
+F p have at most (1/T) sum_k |F_k|^2 of the energy of p, and the hold multiplies the energy of its samples by T. Both
+are attained at one frequency, so the gain of the path is exactly the square root above (Braslavsky, Middleton &
+Freudenberg 1998). If F does not fall off, neither sum is finite: the perturbation reaches the sampler unfiltered.
 
-Aliases near the band are taken one by one, those beyond in blocks with the largest |F| of each, the last ones by their
-power law: nothing is cut off. `robust.proofs.exact.aliases` proves the same between frequencies, in exact arithmetic.
+Aliases near the band are summed one by one. The next ones are summed in blocks with the largest |F| of each, the last
+ones by their power law, so no alias is left out. `robust.proofs.exact.aliases` proves the same between frequencies, in
+exact arithmetic.
 """
 
 from __future__ import annotations
@@ -39,114 +40,88 @@ from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
 
-#: Number of aliases on either side that are summed one by one: at least, and at most where light modes lie higher.
+#: Number of aliases on either side that are summed one by one: minimum, and maximum if light modes lie higher.
 _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES = 12, 200
-#: The aliases beyond them are bounded in blocks: growth of the blocks, and end of the last over the largest root.
+#: Further aliases are bounded in blocks: growth of the blocks, and end of the last block over the largest root.
 _BLOCK_GROWTH, _TAIL_START_RATIO = 1.02, 1e4
-_MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and one over it
-_DOMINANT_RATIO = 1e4  # alias over all others together, from which it is taken from the sampled plant
-_MIN_ALIAS_SHARE = 0.003  # of the sum: an alias below it is left out of the worst plant, whose order each raises by two
-_LIGHT_DAMPING = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
+_MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and its inverse
+_DOMINANT_RATIO = 1e4  # alias over the sum of all others, above which it is computed from the sampled plant
+_MIN_ALIAS_SHARE = 0.003  # of the sum: smaller aliases are left out of the worst plant; each adds two to its order
+_LIGHT_DAMPING = 0.3  # below this damping ratio a mode has a peak that a block would spread over all its aliases
 
 
 @value
 class _AliasSums:
-    """Hold the sums over the aliases k != 0 of a frequency, (I,) each.
+    """Sums over the aliases k != 0 of a frequency, (I,) each."""
 
-    Fields
-    ------
-    F, G : (I,) ndarray
-        sum |h_k F_k| and sum |h_k G_k|.
-    FF, GG : (I,) ndarray
-        sum |F_k|^2 and sum |h_k G_k|^2.
-    GF : (I,) ndarray
-        sum |h_k G_k| |F_k|/(1 - |F_k|), inf where an alias has |F_k| >= 1.
-    product : (I,) ndarray
-        sum |h_k G_k| |F_k|, which is finite there too.
-    F_max : (I,) ndarray
-        Largest |F_k|.
-    """
-
-    F: np.ndarray
-    G: np.ndarray
-    FF: np.ndarray
-    GG: np.ndarray
-    GF: np.ndarray
-    product: np.ndarray
-    F_max: np.ndarray
+    F: np.ndarray  # sum |h_k F_k|
+    G: np.ndarray  # sum |h_k G_k|
+    FF: np.ndarray  # sum |F_k|^2
+    GG: np.ndarray  # sum |h_k G_k|^2
+    GF: np.ndarray  # sum |h_k G_k| |F_k|/(1 - |F_k|); inf if an alias has |F_k| >= 1
+    product: np.ndarray  # sum |h_k G_k| |F_k|; finite in that case too
+    F_max: np.ndarray  # largest |F_k|
 
 
-#: No alias at all.
+#: Sums without any alias.
 _NO_ALIASES = _AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
 
 
 @value
 class Aliases:
-    """Describe the aliases of a set of continuous plants.
+    """Aliases of a set of continuous plants."""
 
-    Fields
-    ------
-    dt, delay : float
-        Sampling time and delay behind the hold [s].
-    plant, weight : control.StateSpace
-        Continuous plant without that delay, and weight.
-    F_includes_plant : bool
-        Whether F = G w (else w).
-    inverse, operator : bool
-        Form of the set, and whether Delta may be any causal operator.
-    """
-
-    dt: float
-    delay: float
-    plant: control.StateSpace
+    dt: float  # sampling time [s]
+    delay: float  # delay after the hold [s]
+    plant: control.StateSpace  # continuous plant without that delay
     weight: control.StateSpace
-    F_includes_plant: bool
-    inverse: bool
-    operator: bool
+    F_includes_plant: bool  # F = G w, else F = w
+    inverse: bool  # form of the set
+    operator: bool  # Delta may be any causal operator
 
     @property
     def spacing(self) -> float:
-        """Return the sampling frequency, the distance of the aliases [rad/s]."""
+        """Sampling frequency, the distance of the aliases [rad/s]."""
         return 2 * np.pi / self.dt
 
     @cached_property
     def responders(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
-        """Return functions of omega that evaluate plant and weight."""
+        """Functions of omega that evaluate plant and weight."""
         plant, w = make_response(self.plant), make_response(self.weight)
 
         def G(omega: np.ndarray) -> np.ndarray:
-            return replace_infinite(plant(omega))  # at a pole on the axis S and K S are as small as that is large
+            return replace_infinite(plant(omega))  # at a pole on the axis S and K S are as small as this value is large
 
         return G, w
 
     @cached_property
     def light_modes(self) -> np.ndarray:
-        """Return the lightly damped poles of plant and weight in the upper half plane [rad/s]."""
+        """Lightly damped poles of plant and weight in the upper half plane [rad/s]."""
         p = np.concatenate([poles(self.plant), poles(self.weight)])
         return np.asarray(p[(np.abs(p.real) < _LIGHT_DAMPING * np.abs(p)) & (p.imag > 0)])
 
     @cached_property
     def folded_modes(self) -> np.ndarray:
-        """Return the light modes above Nyquist as the poles that they fold down to [rad/s]."""
+        """Light modes above Nyquist, as poles at their alias below Nyquist [rad/s]."""
         p, nyquist = self.light_modes, self.spacing / 2
         down = np.abs((p.imag + nyquist) % self.spacing - nyquist)
         return np.asarray((p.real + 1j * down)[p.imag > nyquist])
 
     @cached_property
     def single_indices(self) -> np.ndarray:
-        """Return the numbers (k,) of the aliases k != 0 that are summed one by one."""
+        """Numbers (k,) of the aliases k != 0 that are summed one by one."""
         high = self.light_modes.imag.max() if self.light_modes.size else 0.0
         n = int(np.clip(np.ceil(high / self.spacing) + 2, _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES))
         return np.concatenate([np.arange(-n, 0), np.arange(1, n + 1)])
 
     @cached_property
     def tail_bounds(self) -> _AliasSums:
-        """Return upper bounds (1,) of the sums over all other aliases, |h_k| without |sin(omega T/2)|.
+        """Upper bounds (1,) of the sums over all other aliases, |h_k| without |sin(omega T/2)|.
 
-        Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
+        Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; power laws above.
         """
         G, F = magnitude_of(self.plant), magnitude_of(self.weight)
-        if self.F_includes_plant:  # of the series rounding makes zeros far out, and it would no longer fall off
+        if self.F_includes_plant:  # rounding in the series would add far zeros, and F would no longer fall off
             roots = {name: np.append(getattr(F, name), getattr(G, name)) for name in ("zeros", "poles")}
             F = Magnitude(**roots, gain=F.gain * G.gain)
         first = float(self.single_indices[-1]) + 1
@@ -186,9 +161,9 @@ class Aliases:
         )
 
     def sampled_radius(self, omega: np.ndarray, sampled: np.ndarray) -> np.ndarray:
-        """Return the radius (W,) of the sampled set at omega [rad/s]; inf where nothing filters it, nan if inverse.
+        """Return the radius (W,) of the sampled set at omega [rad/s]; inf if nothing filters it, nan if inverse.
 
-        Of an operator it is the radius of the disc with the same rs. `sampled` is the response of the sampled plant.
+        For an operator it is the radius of the disc with the same rs. `sampled` is the response of the sampled plant.
         """
         if self.inverse:
             return np.full(omega.size, np.nan)
@@ -197,10 +172,10 @@ class Aliases:
         return point.stability_measure(point.alias_sums())
 
     def alias_terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, of the frequency itself and of the aliases summed one by one.
+        """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, for the frequency itself and the aliases summed one by one.
 
-        `sampled` (W,) is the response of the sampled plant, which is what they add up to. Where one alias is nearly all
-        of it, beside a pole on the axis, it is taken from there: G_d and S then share what rounding does to the pole.
+        `sampled` (W,) is the response of the sampled plant, the sum of all h_k G_k. If one alias is nearly the whole
+        sum, near a pole on the axis, it is computed from `sampled`: G_d and S then have the same rounding of the pole.
         """
         k = np.concatenate([[0], self.single_indices])
         at = omega[:, None] + self.spacing * k
@@ -218,7 +193,7 @@ class Aliases:
 
 
 def _multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return size times total; zero where the size is zero and the total infinite."""
+    """Return size times total; zero for zero size, even if the total is infinite."""
     return np.where(size == 0, 0.0, size * total)
 
 
@@ -229,7 +204,7 @@ def _largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, 
 
 @value(copy=False)
 class AliasedLoop:
-    """Hold a loop at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
+    """A loop at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) for the aliases."""
 
     aliases: Aliases
     omega: np.ndarray
@@ -241,20 +216,20 @@ class AliasedLoop:
 
     @property
     def hold(self) -> np.ndarray:
-        """Return |h_k| (W, 1 + k)."""
+        """|h_k| (W, 1 + k)."""
         return np.abs(self.h)
 
     @property
     def sin_half_angle(self) -> np.ndarray:
-        """Return |sin(omega T/2)| (W,)."""
+        """|sin(omega T/2)| (W,)."""
         return np.sin(np.minimum(self.omega * self.aliases.dt / 2, np.pi / 2))
 
     def stability_measure(self, others: _AliasSums) -> np.ndarray:
-        """Return (W,) what is below one where stability is robust: the table above, or a bound (LTI inverse).
+        """Return (W,) the left side of the table above, or a bound of it (LTI inverse): robustly stable if below one.
 
-        For the inverse forms 1 + K G_p is put over 1 + F Delta_0, and every alias moves it by |h_k G_k| |F_k|/(1 -
-        |F_k|) at most. In blocks of the frequency itself and the rest, the matrix of an operator has the norm of its
-        blocks.
+        For the inverse forms 1 + K G_p is multiplied by 1/(1 + F Delta_0), and every alias moves it by at most
+        |h_k G_k| |F_k|/(1 - |F_k|). The matrix of an operator is split into the frequency itself and the rest; its norm
+        is at most that of the matrix of the norms of its blocks.
         """
         KS, FS = np.abs(self.KS), self.F[:, 0] * np.abs(self.S)
         FKS = self.F[:, 0] * KS
@@ -271,16 +246,16 @@ class AliasedLoop:
             return _largest_singular_value_2x2(own, GKS * F, c=FKS * G, d=others.F_max + KS * G * F)
 
     def squared_performance_gain(self, others: _AliasSums, *, PS: np.ndarray, scaling: float) -> np.ndarray:
-        """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
+        """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) for one scaling; not for inverse forms.
 
-        PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their sizes.
+        PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their norms.
         """
         d, KS, F = scaling**2, np.abs(self.KS), self.F[:, 0]
         gain = (F * KS) ** 2 + _multiply_or_zero(KS**2, others.FF)
         return np.asarray(gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + _multiply_or_zero(PS**2, others.FF)) / d)
 
     def alias_sums(self, band: tuple[float, float] | None = None) -> _AliasSums:
-        """Add up the other aliases; only those in a band [rad/s] if given."""
+        """Return the sums over the other aliases; only over those in a band [rad/s] if given."""
         beyond, inside = self.aliases.tail_bounds, np.ones(1, bool)
         if band is not None:
             at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
@@ -304,9 +279,9 @@ class AliasedLoop:
         """Return the least |1 + K G_p|/|1 + K G_d| (W,) over an inverse set times m (W,); negative if zero is inside.
 
         At alias k the set is a disc with the centre h_k G_k/(1 - |F_k|^2) and the radius |h_k G_k F_k|/(1 - |F_k|^2).
-        All but the first add up to one disc. What is left, X + v/(1 + F Delta) with v = K S h_0 G_0, is a disc or the
-        outside of one, |F| >= 1; its distance from zero is (|X + v|^2 - |F X|^2)/(|X (1 - |F|^2) + v| + |F v|),
-        whichever it is.
+        All discs except the first add up to one disc. The rest, X + v/(1 + F Delta) with v = K S h_0 G_0, is a disc, or
+        the outside of one if |F| >= 1. In both cases its distance from zero is
+        (|X + v|^2 - |F X|^2)/(|X (1 - |F|^2) + v| + |F v|).
         """
         u, hG, v = (m[:, None] * self.F[:, 1:]) ** 2, self.hG[:, 1:], self.hG[:, 0] * self.KS
         beyond, size = self.aliases.tail_bounds, np.abs(self.KS)
@@ -315,7 +290,7 @@ class AliasedLoop:
             rest = size * (np.abs(hG) * np.sqrt(u) / (1 - u)).sum(1)
             rest += (
                 size * self.sin_half_angle * m * beyond.product / (1 - m * beyond.F_max)
-            )  # at most so much, either way
+            )  # bound for the aliases in blocks, in either direction
             F, own = m * self.F[:, 0], (m * self.F[:, 0]) ** 2
             found = np.abs(1 + E) ** 2 - own * np.abs(1 + E - v) ** 2
             found /= np.abs((1 + E - v) * (1 - own) + v) + F * np.abs(v)
@@ -323,7 +298,7 @@ class AliasedLoop:
             return np.where(inside & ~np.isnan(found), found - np.where(size == 0, 0.0, rest), -np.inf)
 
     def largest_uncertainty_factor(self, least: np.ndarray) -> np.ndarray:
-        """Return the largest m (W,) whose return difference is at least `least`, by bisection of log m."""
+        """Return the largest m (W,) with a return difference of at least `least`, by bisection of log m."""
         low, high = (
             np.full(least.size, np.log(_MIN_UNCERTAINTY_FACTOR)),
             np.full(least.size, -np.log(_MIN_UNCERTAINTY_FACTOR)),
@@ -340,7 +315,7 @@ class AliasedLoop:
 def evaluate_aliases(
     aliases: Aliases, omega: np.ndarray, *, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray
 ) -> AliasedLoop:
-    """Evaluate the aliases of a loop at omega (W,) [rad/s] from responses of the nominal loop and sampled plant."""
+    """Evaluate the aliases at omega (W,) [rad/s] from responses of the nominal loop and the sampled plant."""
     h, hG, F = aliases.alias_terms(omega, sampled)
     return AliasedLoop(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
 
@@ -348,9 +323,9 @@ def evaluate_aliases(
 def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Compute rs, max |S_p| and the performance margin (W,) of a loop, every alias included.
 
-    rs is in proportion to |w| and one where the condition of the table is just met; |S_p| is inf where the set is not
-    stable, and that of its LTI members for an operator in an inverse form; the margin is the factor by which the
-    uncertainty may grow until |w_P| max |S_p| = 1.
+    rs is proportional to |w|, and one if the condition of the table is just met. |S_p| is inf if the set is not stable;
+    for an operator in an inverse form it is that of the LTI members. The margin is the factor by which the uncertainty
+    may grow until |w_P| max |S_p| = 1.
     """
     aliases, S = aliased.aliases, np.abs(aliased.S)
     wanted = None if w_P is None else np.abs(w_P) * S
@@ -370,42 +345,25 @@ def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarr
 
 @value
 class RsBreakdown:
-    """Split rs at one frequency omega [rad/s] into what acts there, at the aliases, and in the measured band.
+    """Parts of rs at one frequency: from that frequency, from the aliases, from the measured band."""
 
-    Fields
-    ------
-    omega, total : float
-        The frequency, and rs there.
-    without_aliases : float
-        rs of what acts at that frequency alone; with the aliases it is `total`.
-    single_frequency : float
-        One or more where a linear perturbation of that frequency alone makes the loop unstable. Of an operator it is
-        less than `without_aliases`, which counts every input that the hold passes to it.
-    in_band : float
-        rs of what acts inside the measured band alone; the rest is assumed.
-    omega_source : float
-        The frequency [rad/s], of it and its aliases, that adds most.
-    is_bounded : bool
-        Whether the sum over all aliases is finite at all.
-    F_max : float
-        Largest |F| of an alias.
-    """
-
-    omega: float
-    total: float
-    without_aliases: float
+    omega: float  # the frequency [rad/s]
+    total: float  # rs there
+    without_aliases: float  # rs from that frequency alone
+    # At least one if a linear perturbation at that frequency alone makes the loop unstable. For an operator it is less
+    # than `without_aliases`, which counts every input that the hold passes to the perturbation.
     single_frequency: float
-    in_band: float
-    omega_source: float
-    is_bounded: bool
-    F_max: float
+    in_band: float  # rs from the measured band alone; the rest is assumed
+    omega_source: float  # the frequency or alias with the largest part [rad/s]
+    is_bounded: bool  # the sum over all aliases is finite
+    F_max: float  # largest |F| of an alias
 
 
 def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies (n,) [rad/s] and phases (n,) of the Delta whose aliases all reduce |1 + L| at one frequency.
 
-    Of additive and multiplicative sets: at alias k the loop is moved by K S h_k F_k Delta_k, which is to be negative.
-    Aliases that add less than `_MIN_ALIAS_SHARE` of the whole are left out.
+    For additive and multiplicative sets: alias k moves the loop by K S h_k F_k Delta_k, which is made negative.
+    Aliases with less than `_MIN_ALIAS_SHARE` of the sum are left out.
     """
     aliases = aliased.aliases
     k = np.concatenate([[0], aliases.single_indices])
@@ -418,7 +376,7 @@ def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) -> RsBreakdown:
-    """Split rs, which is `total`, at the one frequency of a loop."""
+    """Split rs, which is `total`, at the single frequency of `aliased`."""
     aliases, omega = aliased.aliases, float(aliased.omega[0])
     own = float(aliased.stability_measure(_NO_ALIASES)[0])
     member = aliased.hold[:, 0] * aliased.F[:, 0] * np.abs(aliased.KS)
@@ -448,7 +406,7 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
 
 
 def _power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
-    """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low far beyond all roots."""
+    """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low is far above all roots."""
     log = np.sum(np.log1p(np.abs(G.zeros) / low)) - np.sum(np.log1p(-np.abs(G.poles) / low))
     return float(G.gain * np.exp(log)), int(G.poles.size - G.zeros.size)
 

@@ -20,59 +20,43 @@ from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 
 @value
 class Curves:
-    """Hold the responses of a loop at given frequencies, computed once.
+    """Responses of a loop at given frequencies, computed once; S_p = S (1 + a Delta)/(1 + b Delta).
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    form : str
-        Form of the uncertainty.
-    G, K, w : (W,) complex ndarray
-        Plant as the controller sees it, controller, weight (nan: no set).
-    w_P : (W,) complex ndarray or None
-        Performance weight, where one was asked for.
-    S, a, b : (W,) complex ndarray
-        Of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta).
-    W : (W,) complex ndarray
-        What the plant is scaled by where the form depends on its units; one elsewhere.
-    folded_rs, folded_S_worst, folded_performance_margin : (W,) ndarray or None
-        rs, max |S_p| and `performance_margin` with every alias, where the set is one of continuous plants under a
-        sampled controller.
+    With `folded_*`, rs, max |S_p| and `performance_margin` include every alias: continuous plants, sampled controller.
     """
 
-    omega: np.ndarray
-    form: str
-    G: np.ndarray
-    K: np.ndarray
-    w: np.ndarray
-    w_P: np.ndarray | None
+    omega: np.ndarray  # (W,) frequencies [rad/s], for all fields below
+    form: str  # form of the uncertainty
+    G: np.ndarray  # complex plant with hold and delay
+    K: np.ndarray  # complex controller
+    w: np.ndarray  # complex weight; nan without a set
+    w_P: np.ndarray | None  # complex performance weight
     S: np.ndarray
     a: np.ndarray
     b: np.ndarray
-    W: np.ndarray
+    W: np.ndarray  # complex scaling of the plant if the form depends on its units, else one
     folded_rs: np.ndarray | None = None
     folded_S_worst: np.ndarray | None = None
     folded_performance_margin: np.ndarray | None = None
 
     @property
     def rs(self) -> np.ndarray:
-        """Return the robust-stability measure (W,): the set is stable iff it is below one everywhere (SP 7.43)."""
+        """Robust-stability measure (W,): the set is stable iff it is below one everywhere (SP 7.43)."""
         return FORMS[self.form].rs_measure(self.w, self.b) if self.folded_rs is None else self.folded_rs
 
     @property
     def S_worst(self) -> np.ndarray:
-        """Return the largest |S_p| (W,) over the set; inf where a plant of it is unstable."""
+        """Largest |S_p| (W,) over the set; inf if a plant of the set is unstable."""
         return worst_sensitivity(self.S, self.a, self.b) if self.folded_S_worst is None else self.folded_S_worst
 
     @property
     def np_(self) -> np.ndarray:
-        """Return |w_P S| (W,); nan without w_P."""
+        """|w_P S| (W,); nan without w_P."""
         return np.full(self.omega.size, np.nan) if self.w_P is None else np.abs(self.w_P * self.S)
 
     @property
     def rp(self) -> np.ndarray:
-        """Return |w_P| max |S_p| (W,); nan without w_P."""
+        """|w_P| max |S_p| (W,); nan without w_P."""
         if self.w_P is None:
             return np.full(self.omega.size, np.nan)
         worst = self.S_worst
@@ -80,22 +64,22 @@ class Curves:
 
     @property
     def K_S(self) -> np.ndarray:
-        """Return complex K S (W,), finite at the poles of K."""
+        """Complex K S (W,), finite at the poles of K."""
         return replace_infinite(self.K) * self.S
 
     @property
     def worst_performance(self) -> np.ndarray:
-        """Return `rp` (W,) where a performance weight was given, else `S_worst`."""
+        """`rp` (W,) with a performance weight, else `S_worst`."""
         return self.S_worst if self.w_P is None else self.rp
 
     @property
     def half_disk(self) -> np.ndarray:
-        """Return |S - 1/2| (W,), whose largest value is the inverse of the symmetric disk margin."""
+        """|S - 1/2| (W,); its largest value is the inverse of the symmetric disk margin."""
         return np.abs(self.S - 0.5)
 
     @property
     def performance_margin(self) -> np.ndarray:
-        """Return the factor (W,) on the uncertainty at which |w_P| max |S_p| = 1."""
+        """Factor (W,) on the uncertainty at which |w_P| max |S_p| = 1."""
         if self.folded_performance_margin is not None:
             return self.folded_performance_margin
         assert self.w_P is not None
@@ -105,11 +89,11 @@ class Curves:
 
     @property
     def inverse_performance_margin(self) -> np.ndarray:
-        """Return one over `performance_margin` (W,)."""
+        """One over `performance_margin` (W,)."""
         return 1 / self.performance_margin
 
     def shown(self, stable: bool) -> ReportCurves:
-        """Return the curves as a report shows them: nan for an unstable loop, and where there is no set."""
+        """Return the curves for a report: nan for an unstable loop and without a set."""
         nothing = np.full(self.omega.size, np.nan)
         seen = stable and bool(np.isfinite(self.w).all())
         return ReportCurves(
@@ -127,17 +111,17 @@ class Curves:
         )
 
     def merge(self, others: Curves) -> Curves:
-        """Merge two sets of curves of the same loop, sorted by frequency."""
+        """Merge the curves of the same loop on two grids, sorted by frequency."""
         omega, at = np.unique(np.concatenate([self.omega, others.omega]), return_index=True)
         return self.with_responses(lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega)
 
     def in_band(self, low: float, high: float) -> Curves:
-        """Return the curves at the frequencies from low to high [rad/s]."""
+        """Select the curves at the frequencies from low to high [rad/s]."""
         at = (self.omega >= low) & (self.omega <= high)
         return self.with_responses(lambda name: getattr(self, name)[at], self.omega[at])
 
     def with_responses(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
-        """Return curves at other frequencies, with the response that `part` gives for each name."""
+        """Return curves at other frequencies; `part` gives the response for each name."""
         return replace(
             self,
             omega=omega,
@@ -157,7 +141,6 @@ class Curves:
         )
 
 
-#: A largest value and its frequency [rad/s].
 def loop_curves(
     form: str,
     omega: np.ndarray,
@@ -168,7 +151,7 @@ def loop_curves(
     w_P: np.ndarray | None,
     W: np.ndarray | None = None,
 ) -> Curves:
-    """Compute the curves of a loop from the responses of its parts; they are finite at poles of the plant and of K."""
+    """Compute the curves of a loop from the responses of its parts; they are finite at poles of G and K."""
     W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
     S, a, b = perturbed_sensitivity_terms(form, w, G=replace_infinite(G), K=replace_infinite(K), W=W)
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
@@ -198,7 +181,7 @@ def margins_on_lines(curves: Curves) -> Margins:
 
 @value(copy=False)
 class MuCurves:
-    """Hold upper bounds of mu (W,) for stability and (nan without it) performance."""
+    """Upper bounds of mu (W,) for stability and performance (nan without a demand)."""
 
     omega: np.ndarray
     mu: np.ndarray
@@ -206,15 +189,15 @@ class MuCurves:
 
     @property
     def peak(self) -> float:
-        """Return the largest bound for stability."""
+        """Largest bound for stability."""
         return float(self.mu.max())
 
     @property
     def omega_peak(self) -> float:
-        """Return where it is [rad/s]."""
+        """Frequency of the largest bound for stability [rad/s]."""
         return float(self.omega[self.mu.argmax()])
 
     @property
     def peak_rp(self) -> float:
-        """Return the largest bound for performance, nan without it."""
+        """Largest bound for performance; nan without a demand."""
         return float(self.mu_rp.max())

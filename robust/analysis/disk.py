@@ -1,7 +1,7 @@
-"""Disk margins: how much gain, or phase, or less of both, in all channels at once, a loop can bear.
+"""Disk margins: allowed change of gain, of phase, or of both, in all channels at once.
 
-Of a loop of several channels each alone, the others closed as they are, says the least: all at once may bear a
-hundredth of it. Inputs and outputs of the plant are the channels of one loop,
+For several channels, the margin of one channel with the others unchanged can mislead: the margin for all channels at
+once can be a hundredth of it. Inputs and outputs of the plant are the channels of one loop,
 
     u = -K y      L = [ 0  K]      (1 + L)^-1 = [ S_I   -K S ]
     y =  G u          [-G  0]                   [ G S_I   S  ]
@@ -42,24 +42,25 @@ from robust.proofs.search.stability import decide_stability
 
 @value
 class DiskMargin:
-    """The largest disk of gains and phases around one that leaves a loop stable.
+    """The largest disk of gains and phases around one for which a loop stays stable.
 
     Fields
     ------
     alpha : float
-        Size of the disk; nan where the loop is not stable, then `reason` says why.
+        Size of the disk; nan if the loop is not stable, with the cause in `reason`.
     omega : float
-        Frequency where it is limited [rad/s].
+        Frequency that limits the margin [rad/s].
     skew : float
-        Which disk: 0 as much gain up as down, 1 the distance of L from -1 (1/max |S|), -1 1/max |T|.
+        Shape of the disk: 0 for the same gain up and down, 1 for the distance of L from -1 (1/max |S|), -1 for
+        1/max |T|.
     gain_margin : tuple of float
-        Every channel may be multiplied by any gain between these two.
+        Each channel may be multiplied by any gain between these two.
     phase_margin : float
-        Every channel may be turned by any phase up to this [rad]; inf where none matters.
+        Each channel may be turned by any phase up to this [rad]; inf if any phase is allowed.
     reason : str
-        Why there is no margin; empty otherwise.
+        Reason why there is no margin; else empty.
     channels : tuple of int
-        The channels that move, from 0, the others as they are; empty: all.
+        The channels that change, from 0, while the others stay as they are; empty: all.
 
     References
     ----------
@@ -93,18 +94,18 @@ class DiskMargin:
 
 @value
 class LoopMargins:
-    """Disk margins of a loop of several channels: one at a time, and all at once.
+    """Disk margins of a loop with several channels: one at a time, and all at once.
 
     Fields
     ------
     inputs, outputs : tuple of DiskMargin
-        Of each input and each output of the plant alone, the others closed as they are.
+        For each input and each output of the plant alone; the other channels stay closed.
     all_inputs, all_outputs : DiskMargin
-        Of all inputs at once, of all outputs at once.
+        For all inputs at once, for all outputs at once.
     everywhere : DiskMargin
-        Of all inputs and outputs at once.
+        For all inputs and outputs at once.
     input_names, output_names : tuple of str
-        What they are called.
+        Names of the channels.
 
     References
     ----------
@@ -128,11 +129,11 @@ class LoopMargins:
 
     @property
     def reason(self) -> str:
-        """Return why there are no margins; empty otherwise."""
+        """Reason why there are no margins; else empty."""
         return self.everywhere.reason
 
     def least(self) -> str:
-        """Describe the smallest margin of a single channel, and those of all inputs, all outputs, and both at once."""
+        """Describe the smallest margin of a single channel, then those of all inputs, all outputs, and both."""
         alone = (*self.inputs, *self.outputs)
         k = int(np.argmin([margin.alpha for margin in alone]))
         name = (*self.input_names, *self.output_names)[k]
@@ -143,7 +144,7 @@ class LoopMargins:
         )
 
     def __str__(self) -> str:
-        """Return a row for each."""
+        """One row for each margin."""
         if self.reason:
             return f"no disk margins: {self.reason}"
         named = zip((*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True)
@@ -155,12 +156,12 @@ class LoopMargins:
 
 
 def _decibels(gain: float) -> float:
-    """Return 20 log10 of a gain, -inf of none."""
+    """Return 20 log10 of a gain; -inf for zero."""
     return float(20 * np.log10(gain)) if gain > 0 else -np.inf
 
 
 def _format_margins(margin: DiskMargin) -> str:
-    """Format the gains [dB] and the phase [deg] of a margin; any gain above 0 where rounding alone bounds it.
+    """Format the gains [dB] and the phase [deg] of a margin; "any positive gain" if only rounding bounds the gain.
 
     >>> _format_margins(disk_margin(control.ss(-1.0, 1.0, 0.1, 0.0)))
     'any positive gain, phase 90.0 deg'
@@ -174,31 +175,33 @@ def _format_margins(margin: DiskMargin) -> str:
 def disk_margin(
     L: AnySystem, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None
 ) -> DiskMargin:
-    """Compute the disk margin of a loop closed by negative feedback of one; of several channels by mu.
+    """Compute the disk margin of a loop closed by negative feedback of one; for several channels by mu.
+
+    Use this instead of gain and phase margin: it covers changes of gain and phase at the same time. `disk_margins`
+    gives it for each input and output of a plant.
 
     Parameters
     ----------
     L : control.StateSpace, TransferFunction or FrequencyResponseData
-        Loop broken at the plant's input (K G) or output (G K), as many inputs as outputs. Of an FRF the margin holds
-        on its lines only, and stability is read from how often det(I + L) winds about zero.
+        Loop broken at the plant's input (K G) or output (G K), as many inputs as outputs. For an FRF the margin holds
+        on its lines only, and stability follows from the winding number of det(I + L) around zero.
     skew : float
-        Which disk, see `DiskMargin`.
+        Shape of the disk, see `DiskMargin`.
     n_unstable : int
-        Unstable poles of L, for an FRF.
+        Number of unstable poles of L, for an FRF.
     channels : sequence of int, optional
-        Only these channels move, counted from 0, the others stay closed as they are: one loop at a time. All when not
-        given.
+        The channels that change, counted from 0; the others stay closed as they are. Default: all.
 
     Returns
     -------
     DiskMargin
-        alpha = 1/max mu(S + (skew - 1)/2 I) over frequency, one complex block per channel. Never larger than the true
-        one at the frequencies looked at, and equal to it for up to three channels.
+        alpha = 1/max mu(S + (skew - 1)/2 I) over frequency, one complex block per channel. At the frequencies of the
+        grid it is never larger than the true margin, and equal to it for up to three channels.
 
     Raises
     ------
     ValueError
-        L that is not square, channels it does not have, a loop without a solution, an FRF that is not finite.
+        An L that is not square, channels that it does not have, a loop without a solution, an FRF that is not finite.
 
     References
     ----------
@@ -224,21 +227,24 @@ def disk_margins(
 ) -> LoopMargins:
     """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time and all at once.
 
+    Use this for a loop with several channels: a large margin in each channel alone does not imply one for all at once.
+
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, FrequencyResponseData or UncertaintyModel
-        Plant of one or several inputs and outputs; of a set its nominal. Of an FRF the margins hold on its lines only.
+        Plant with one or several inputs and outputs; for a set its nominal. For an FRF the margins hold on its lines
+        only.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
     skew : float
-        Which disk, see `DiskMargin`.
+        Shape of the disk, see `DiskMargin`.
     n_unstable : int
-        Unstable poles of G and K together, for an FRF.
+        Number of unstable poles of G and K together, for an FRF.
 
     Returns
     -------
     LoopMargins
-        A loop that is not stable is a result: its `reason` says so.
+        A loop that is not stable is a result, with the cause in `reason`.
 
     Raises
     ------
@@ -251,7 +257,7 @@ def disk_margins(
 
     Examples
     --------
-    A spinning body: each loop alone bears any gain, both at once a tenth of theirs up or down.
+    A spinning body: each loop alone allows any gain, both at once a tenth up or down.
 
     >>> G = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], np.zeros((2, 2)))
     >>> margins = disk_margins(G, np.eye(2))
@@ -315,20 +321,20 @@ def _checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
 def _margin_of_sensitivity(
     S: control.StateSpace | control.FrequencyResponseData, reason: str, *, skew: float, channels: Sequence[int] | None
 ) -> DiskMargin:
-    """Compute the margin of some channels of a sensitivity; without one where `reason` says why there is none."""
+    """Compute the margin of some channels of a sensitivity; nan with `reason` if there is none."""
     if reason:
         return DiskMargin(
             alpha=np.nan, omega=np.nan, skew=skew, gain_margin=(np.nan, np.nan), phase_margin=np.nan, reason=reason
         )
     some = range(S.ninputs) if channels is None else channels
     omega, alpha = smallest_margin(S, np.ix_(some, some), skew)
-    if np.isinf(alpha):  # a loop that is a number bears every gain but one, none at all every gain
+    if np.isinf(alpha):  # a loop that is a number allows every gain except one; a loop that is zero allows every gain
         edge = (skew - 1) / (skew + 1) if skew != -1 else -np.inf
         low, up, high = (edge, edge, -np.inf) if np.isfinite(edge) else (edge, np.inf, np.inf)
     else:
         low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
         up = (2 + (1 - skew) * alpha) / high if high else np.inf
-    # the disk meets the unit circle where its rim, which runs through the two gains, does
+    # the disk meets the unit circle at the phase where its rim does; the rim passes through the two gains
     cosine = (1 + low * up) / (low + up) if np.isfinite(up) else low
     return DiskMargin(
         alpha=alpha,
@@ -344,7 +350,7 @@ def _margin_of_sensitivity(
 def smallest_margin(
     S: control.StateSpace | control.FrequencyResponseData, block: tuple[np.ndarray, ...], skew: float
 ) -> tuple[float, float]:
-    """Find the frequency where a block of the sensitivity limits the margin, and the margin there."""
+    """Return the frequency at which a block of the sensitivity limits the margin, and the margin there."""
     shift = (skew - 1) / 2 * np.eye(block[0].size)
     blocks = [(1, 1)] * block[0].size
     if isinstance(S, control.FrequencyResponseData):
@@ -361,7 +367,7 @@ def smallest_margin(
 def sensitivity_if_stable(
     L: AnySystem, n_unstable: int
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
-    """Return (1 + L)^-1, scaled by `_balancing_scales`, and why there is no margin; empty for a stable loop."""
+    """Return (1 + L)^-1, scaled by `_balancing_scales`, and the reason why there is no margin, empty if stable."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
         _require_square_loop(L.noutputs, L.ninputs)
@@ -381,16 +387,16 @@ def sensitivity_if_stable(
     turns, clear = winding_of_matrix(omega, difference, n_unstable)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
-        return S, "the lines are too far apart, or end too early or begin too late, to tell whether the loop is stable"
+        return S, "the lines do not show whether the loop is stable: they are too far apart, or do not reach far enough"
     if turns != n_unstable:
         return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
     return S, ""
 
 
 def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int) -> tuple[int, bool]:
-    """Return how often det(I + L) winds about zero, from I + L (W, n, n), and whether the lines resolve it.
+    """Return the winding number of det(I + L) around zero, from I + L (W, n, n), and whether the lines resolve it.
 
-    n_unstable : unstable poles of the open loop, which its phase below the first line depends on.
+    n_unstable : unstable poles of the open loop, which determine the phase below the first line.
     """
     static, whole = control.StateSpace([], [], [], 1.0, 0), np.linalg.det(difference) - 1
     readings = read_below(omega, whole, n_unstable=n_unstable)
@@ -398,10 +404,10 @@ def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int
 
 
 def _balancing_scales(L: np.ndarray) -> np.ndarray:
-    """Return powers of two (n,) that scale the channels of a loop (n, n, W), so that none is far above another.
+    """Return powers of two (n,) that scale the channels of a loop (n, n, W) to comparable size.
 
-    Margins know no units; a matrix of 1e6 N/m beside 1e-6 m/N would look singular. Where a channel is not reached at
-    all, the smallest gain there is stands for it.
+    Margins do not depend on units, but a matrix with 1e6 N/m and 1e-6 m/N would look singular. If a channel is not
+    reached at all, the smallest gain of the loop replaces its zero gain.
     """
     with np.errstate(invalid="ignore"):
         size = np.abs(np.where(np.isfinite(L), L, np.nan))
@@ -413,6 +419,5 @@ def _balancing_scales(L: np.ndarray) -> np.ndarray:
 
 
 def _require_square_loop(n_out: int, n_in: int) -> None:
-    """Refuse a loop with unequal numbers of inputs and outputs."""
     if n_out != n_in:
         raise ValueError(f"L must have as many inputs as outputs, got {n_in} inputs and {n_out} outputs")

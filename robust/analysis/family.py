@@ -1,4 +1,4 @@
-"""Closed loops around random plants of a set: a picture of what a verdict covers, no proof."""
+"""Closed loops around random plants of a set, as a picture of what a verdict covers; no proof."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from robust.proofs.search.stability import decide_stability
 
 @value
 class LoopFamily:
-    """Hold closed loops with random plants of a set.
+    """Closed loops with random plants of a set.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     S : (n, W) complex ndarray
-        Sensitivity with each plant; of several channels its largest singular value.
+        Sensitivity with each plant; for several channels its largest singular value.
     stable : (n,) ndarray of bool
         Whether each loop is stable.
     nominal : (W,) complex ndarray
-        Sensitivity with the nominal plant; of several channels its largest singular value.
+        Sensitivity with the nominal plant; for several channels its largest singular value.
     worst : (W,) ndarray
-        Largest |S_p| over the whole set; of several channels an upper bound, whose largest value is proved at all
+        Largest |S_p| over the whole set; for several channels an upper bound, with its largest value proved at all
         frequencies.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s].
@@ -69,7 +69,9 @@ def sample_loops(
     delay: float = 0.0,
     rng: np.random.Generator | int | None = None,
 ) -> LoopFamily:
-    """Close the loop around n random plants of the set: what the verdict means, to look at.
+    """Close the loop around n random plants of the set.
+
+    Use this to see the spread of the loops that a verdict covers, for instance with `robust.plot.plot_family`.
 
     Parameters
     ----------
@@ -125,7 +127,7 @@ def sample_loops(
 def _sample_matrix_loops(
     model: UncertaintyModel, K: Controller, *, n: int, delay: float, rng: np.random.Generator | int | None
 ) -> LoopFamily:
-    """Close the loop around n random plants of several channels."""
+    """Close the loop around n random plants with several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)

@@ -1,4 +1,4 @@
-"""What a judge finds of a loop and its set: curves, margins, proofs, and the verdict that follows from them."""
+"""The result of a judge for a loop and its set: curves, margins, proofs, and the verdict that follows from them."""
 
 from __future__ import annotations
 
@@ -11,56 +11,42 @@ from robust._base.states import Stability, Verdict
 from robust._base.types import SystemField
 from robust.proofs.search.certificate import Certificate
 
-#: How one loop is proved.
+#: Methods of proof for one channel.
 ProofMethod: TypeAlias = Literal["exact", "lmi", "both"]
 METHODS = ("exact", "lmi", "both")
 
 
 @value
 class Effort:
-    """How much a judge does.
+    """Options of a judge: which proofs it searches, with which solver."""
 
-    Fields
-    ------
-    certify : bool
-        Whether the result is to be proved at all frequencies.
-    proof : str
-        How one loop is proved: "exact", "lmi" or "both".
-    solver : str or None
-        Of cvxpy, for proofs by P and a scaling; None for the usual ones.
-    gap : float or None
-        Relative distance between proof and counter-example for which a box of real parameters is cut up; None to do so
-        only where the verdict is still open.
-    """
-
-    certify: bool = True
-    proof: ProofMethod = "exact"
-    solver: str | None = None
-    gap: float | None = None
+    certify: bool = True  # prove the result at all frequencies
+    proof: ProofMethod = "exact"  # method for one channel
+    solver: str | None = None  # of cvxpy, for proofs by P and a scaling; None: the default solvers
+    gap: float | None = None  # relative distance of proof and counter-example; None: 5 %, only if the verdict is open
 
 
 @value
 class ReportCurves:
-    """Curves of a loop on a grid, as a report shows them; of several channels bounds of mu only.
+    """Curves of a loop on a grid; for several channels bounds of mu only.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     rs, np_, rp : (W,) ndarray
-        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|; nan where
-        the nominal loop is unstable, there is no set or no w_P was given. By the structured singular value rs and rp
-        are upper bounds of mu, and np_ is nan.
+        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|. nan if the
+        nominal loop is unstable, without a set, or without w_P. By mu: rs and rp are upper bounds of mu, np_ is nan.
     S, T : (W,) complex ndarray or None
-        Sensitivity and complementary sensitivity of the nominal loop; of one loop, as all that follow.
+        Sensitivity and complementary sensitivity of the nominal loop; for one channel only, as all fields below.
     G, K : (W,) complex ndarray or None
         Responses of plant and controller, hold and delay included.
     radius : (W,) ndarray or None
         |weight|, in the unit of the form.
     w_P : (W,) ndarray or None
-        |w_P|, where performance was asked for.
+        |w_P|, if there is a demand.
     shaping : (W,) complex ndarray or None
-        What the plant is scaled by where the form depends on its units.
+        Scaling of the plant, if the form depends on its units.
 
     References
     ----------
@@ -88,34 +74,35 @@ class ReportCurves:
 
     @property
     def L(self) -> np.ndarray:
-        """Return (W,) the loop gain G K, of one loop."""
+        """(W,) loop gain G K, for one channel."""
         return np.asarray(self.G * self.K)
 
 
 @value
 class Margins:
-    """How far a loop is from trouble, each margin with the frequency [rad/s] that limits it; nan where there is none.
+    """Margins of a loop, each with the frequency [rad/s] that limits it; nan for a margin that does not exist.
 
     Fields
     ------
     rs, rp : float
-        Largest factor on the uncertainty alone with robust stability, with rp <= 1 (0 where |w_P S| >= 1 already);
-        nan for an unstable loop. By mu the factor up to which the upper bound stays at one (rp: on the
-        perturbations and the performance together), or that was proved part by part of the box of real parameters.
+        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets rp <= 1 (rp, 0 if
+        |w_P S| >= 1 for the nominal plant); nan for an unstable loop. By mu: the factor up to which the upper bound
+        stays at one (rp: factor on the perturbations and the performance together), or the factor that was proved on
+        the parts of the box of real parameters.
     broken : float
-        By mu: the factor at which a perturbation that was found makes the loop singular; inf where none was found.
+        By mu: factor at which the perturbation that was found makes the loop singular; inf if none was found.
     worst : dict or None
-        By mu: that perturbation, block by block at broken = 1: a number in [-1, 1] for a real block, the size of a
-        complex one.
+        By mu: that perturbation for each block, scaled to broken = 1: a number in [-1, 1] for a real block, the size
+        for a complex block.
     disk : float
-        Symmetric disk margin alpha = 1/max |S - 1/2|; of one loop.
+        Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel.
     S_worst : float
-        Largest |S| over the set; of several channels a bound of its largest singular value. inf where a plant of the
-        set is unstable, nan where there is no set.
+        Largest |S| over the set; for several channels a bound of its largest singular value. inf if a plant of the set
+        is unstable, nan without a set.
     S_worst_lines : int
-        Of several channels 0 where that bound is proved at all frequencies, else on how many it was looked at.
+        For several channels: 0 if that bound is proved at all frequencies, else the number of frequencies checked.
     omega_rs, omega_rp, omega_disk, omega_S_worst : float
-        Where they are limited [rad/s].
+        Limiting frequencies [rad/s].
 
     References
     ----------
@@ -142,38 +129,38 @@ class Margins:
 
     @property
     def largest_rs(self) -> float:
-        """Return the largest rs, or the largest bound of mu."""
+        """Largest rs, or largest bound of mu."""
         return reciprocal(self.rs)
 
     @property
     def disk_gain(self) -> float:
-        """Return the factor that the loop gain may change by, with any phase inside the disk margin."""
+        """Factor by which the loop gain may change, at any phase inside the disk margin."""
         return (2 + self.disk) / (2 - self.disk) if self.disk < 2 else np.inf
 
     @property
     def disk_phase(self) -> float:
-        """Return the phase [rad] the loop may gain or lose, by the disk margin."""
+        """Phase [rad] that the loop may gain or lose, by the disk margin."""
         return 2 * float(np.arctan(self.disk / 2))
 
 
 def reciprocal(x: float) -> float:
-    """Return one over a number that is not negative; inf of zero, nan of nan."""
+    """Return one over a nonnegative number; inf for zero, nan for nan."""
     return 1 / x if x > 0 else x if np.isnan(x) else np.inf
 
 
 @value
 class Proofs:
-    """What was proved of a loop at all frequencies.
+    """Proofs of a loop at all frequencies.
 
     Fields
     ------
     certificates : tuple of Certificate
-        Stability first, then performance where it was asked for and stability holds; of a sampled set of several
-        channels the last one says that it contains the continuous set.
+        Stability first, then performance if there is a demand and stability holds. The last one for a sampled set with
+        several channels proves that it contains the continuous set.
     robustly_stable, robust_performance : bool
-        True only when established for the whole set, whatever the verdict makes of the set.
+        True only if proved for the whole set, whatever the class of the set.
     violated : bool
-        A plant of the set is unstable in the loop.
+        True if a plant of the set is unstable in the loop.
 
     Examples
     --------
@@ -189,20 +176,20 @@ class Proofs:
 
 @value
 class Given:
-    """What a check was given: the set, the demand, and what is known of the measurement behind them.
+    """Input of a check: the set, the demand, and the measurement behind them.
 
     Fields
     ------
     perturbation : str
-        Class of the set: "LTI", "statistical" or "operator"; empty of an `UncertainSystem`, whose blocks have theirs.
+        Class of the set: "LTI", "statistical" or "operator". Empty for an `UncertainSystem`: each block has its own.
     demand : control.StateSpace or None
-        The performance weight.
+        Performance weight.
     delay : float
-        Computation delay [s] on top of what the model contains.
+        Computation delay [s] in addition to the delay of the model.
     band : (2,) ndarray or None
-        First and last measured frequency [rad/s]: outside, the radius is assumed.
+        First and last measured frequency [rad/s]; the radius is assumed outside.
     unit : str
-        Unit of the plant, y over u, where it is known.
+        Unit of the plant, y over u; empty if unknown.
 
     Examples
     --------
@@ -219,7 +206,7 @@ class Given:
 
 @value
 class Findings:
-    """What a judge found of a loop, and its reasons in words: the fields that `RobustnessReport` begins with."""
+    """Result of a judge: the first fields of `RobustnessReport`."""
 
     verdict: Verdict
     nominally_stable: bool
@@ -236,14 +223,14 @@ class Findings:
 
     @property
     def is_single(self) -> bool:
-        """Return whether it is of one loop with one uncertainty, by closed forms; else it is by mu."""
+        """True for one channel with one uncertainty (closed forms); False for a result by mu."""
         return self.curves.S is not None
 
 
 def decide_verdict(nominal: Stability, proofs: Proofs, *, statistical: bool) -> Verdict:
-    """Return the verdict: on the nominal loop, then by a plant of the set that breaks it, then by what was proved.
+    """Return the verdict: by the nominal loop, then by a plant of the set that breaks it, then by the proofs.
 
-    Of a set that holds the plant with a probability only, what is proved is robust at that probability.
+    A set that contains the plant with some probability only makes "robust" into "statistically robust".
 
     >>> decide_verdict(Stability.STABLE, Proofs(robustly_stable=True), statistical=True)
     'statistically robust'

@@ -1,6 +1,6 @@
 """The nu-gap between two plants, and the coprime margin of a loop (Vinnicombe 2001).
 
-Both from normalised coprime factors: the gap is the norm of M2 N1 - N2 M1 where the winding condition holds, else one.
+Both use normalised coprime factors: the gap is the norm of M2 N1 - N2 M1 if the winding condition holds, else one.
 In state space no frequency grid is needed: hinf_norm encloses the peak, zeros decide the winding condition.
 """
 
@@ -19,22 +19,23 @@ from robust.models.sets.model import UncertaintyModel
 
 
 def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
-    """Compute Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).
+    """Compute Vinnicombe's nu-gap between two plants, from 0 (equal) to 1 (too far apart for any guarantee).
 
-    A controller with a coprime margin above it (`ncf_margin`) stabilises both; the margin with the other plant is at
-    least sin(arcsin(margin) - arcsin(gap)). Two plants may differ wildly in open loop and lie near each other here.
-    Shape both with the same weights first: the gap depends on the units of input and output.
+    Use this to judge whether one controller suits two plants. A controller whose coprime margin (`ncf_margin`) exceeds
+    the gap stabilises both; its margin with the other plant is at least sin(arcsin(margin) - arcsin(gap)). Two plants
+    may differ much in open loop and still have a small gap. Shape both with the same weights first: the gap depends on
+    the units of input and output.
 
     Parameters
     ----------
     G1, G2 : control.StateSpace, TransferFunction, float, UncertaintyModel
-        Plants of one or several inputs and outputs, both continuous or both with the same sampling time.
+        Plants with one or several inputs and outputs, both continuous or both with the same sampling time.
 
     Returns
     -------
     float
-        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency where the winding condition holds, else 1. Of
-        several inputs and outputs the largest singular value of (1 + G2 G2~)^-1/2 (G1 - G2) (1 + G1~ G1)^-1/2.
+        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency if the winding condition holds, else 1. For
+        several channels the largest singular value of (1 + G2 G2~)^-1/2 (G1 - G2) (1 + G1~ G1)^-1/2.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
 
     Examples
     --------
-    A stable and an unstable plant that any sensible controller treats alike (Zhou & Doyle, 17.2).
+    A stable and an unstable plant for which a fast controller gives nearly the same loop (Zhou & Doyle, 17.2).
 
     >>> stable, unstable = control.tf([100], [2, 1]), control.tf([100], [2, -1])
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
@@ -63,10 +64,10 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
             f"G2 must have {n_y} outputs and {n_u} inputs, as G1, got {second.noutputs} and {second.ninputs}"
         )
     (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
-    # the left factors of G2 on the right ones of G1: M2 N1 - N2 M1
+    # the left factors of G2 times the right ones of G1: M2 N1 - N2 M1
     turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
     distance, _ = hinf_norm(_cascade_through(right_1, turned, _left_coprime_factors(second, right_2)))
-    # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
+    # [N2; M2]~ [N1; M1] needs as many unstable zeros as the first factor has poles, all of them unstable
     A, B, C, D = _transpose_system(right_2)
     inside = zeros(_cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)))
     if int(np.sum(inside.real > 0)) != len(A):
@@ -75,12 +76,14 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
 
 
 def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
-    """Compute the coprime margin of a loop: the nu-gap that the plant may at least move by; 0 for an unstable loop.
+    """Compute the coprime margin of a loop: the nu-gap by which the plant may change at least; 0 if unstable.
+
+    Use this as one number for the robustness of a loop, mostly after `ncfsyn`, which maximises it for a shaped plant.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, UncertaintyModel
-        Plant of one or several inputs and outputs, shaped by its weights where there are any.
+        Plant with one or several inputs and outputs, shaped by its weights if there are any.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
 
@@ -114,7 +117,7 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
 
 
 def _nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.StateSpace:
-    """Return the plant, of a set its nominal, as a state space."""
+    """Return the plant as a state space; for a set its nominal."""
     return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 
 
@@ -126,12 +129,11 @@ def _left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:
 
 
 def _transpose_system(matrices: Matrices) -> Matrices:
-    """Return the matrices of the transposed transfer matrix."""
     A, B, C, D = matrices
     return A.T, C.T, B.T, D.T
 
 
 def _cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> control.StateSpace:
-    """Return the series connection of `first`, a constant matrix and `last`."""
+    """Return `first`, a constant matrix and `last` in series."""
     through = control.StateSpace([], [], [], between, 0)
     return in_series(control.StateSpace(*first, 0), through, control.StateSpace(*last, 0))

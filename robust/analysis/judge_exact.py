@@ -1,4 +1,4 @@
-"""Judge a loop of one channel: curves in closed form, every alias of a sampled loop, proofs in exact arithmetic."""
+"""Judge a loop with one channel: curves in closed form, every alias of a sampled loop, proofs in exact arithmetic."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from robust.lti.grids import extend_grid
 
 
 def judge_exact(loop: Loop, effort: Effort) -> Findings:
-    """Return what is found of a loop of one channel, and proved of it at every frequency."""
+    """Return the findings for a loop with one channel, with proofs at every frequency."""
     statistical = loop.model.perturbation == "statistical"
     nominal, omega = decide_nominal_stability(loop), loop.grid(loop.model.omega)
     if not nominal.stable:
@@ -46,7 +46,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), _rs_breakdown_at_peak(loop, margins)
-    if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
+    if folding is not None and folding.total >= 1:  # the part of the aliases is a bound, so it disproves nothing alone
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
     T = np.nan if np.isnan(margins.omega_rs) else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
@@ -68,7 +68,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
 
 
 def _rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
-    """Split the largest rs of a set of continuous plants under a sampled controller; None for any other."""
+    """Split the largest rs for continuous plants under a sampled controller; None for any other loop."""
     if loop.aliases is None:
         return None
     return rs_breakdown(loop.with_aliases(loop.curves(margins.omega_rs)), loop.band, margins.largest_rs)

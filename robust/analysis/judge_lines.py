@@ -27,62 +27,42 @@ from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_d
 
 @value
 class LoopOnLines:
-    """A plant that is known as an FRF and nowhere else, with a controller around it.
+    """A plant that is known as an FRF only, with a controller around it."""
 
-    Fields
-    ------
-    source : Bla, FrequencyResponseData or UncertaintyModel
-        Where the plant is from.
-    K : control.StateSpace
-        Controller.
-    w_P : control.StateSpace or None
-        Performance weight.
-    delay : float
-        Computation delay [s] on top of what the FRF contains.
-    n_unstable : int
-        Unstable open-loop poles of the plant.
-    omega : (W,) ndarray
-        Lines [rad/s].
-    G, w, W : (W,) complex ndarray
-        Plant, weight (nan: no set), and what the plant is scaled by where the form depends on its units.
-    form, perturbation : str
-        Form and class of the set.
-    """
-
-    source: FrfSource
+    source: FrfSource  # origin of the plant
     K: control.StateSpace
-    w_P: control.StateSpace | None
-    delay: float
-    n_unstable: int
-    omega: np.ndarray
-    G: np.ndarray
-    w: np.ndarray
-    W: np.ndarray
+    w_P: control.StateSpace | None  # performance weight
+    delay: float  # computation delay [s] in addition to that of the FRF
+    n_unstable: int  # unstable open-loop poles of the plant
+    omega: np.ndarray  # (W,) lines [rad/s]
+    G: np.ndarray  # (W,) complex plant
+    w: np.ndarray  # (W,) complex weight; nan without a set
+    W: np.ndarray  # (W,) complex scaling of the plant, if the form depends on its units
     form: str
-    perturbation: str
+    perturbation: str  # class of the set
 
     @property
     def dt(self) -> float:
-        """Return the sampling time of the controller [s], 0 for a continuous one."""
+        """Sampling time of the controller [s]; 0 for a continuous one."""
         return timebase(self.K)
 
     @property
     def given(self) -> Given:
-        """Return what model and controller fix: class, demand, delay, band and unit."""
+        """Input of the check: class, demand, delay, band and unit."""
         unit, band = getattr(origin_of(self.source), "unit", ""), self.omega[[0, -1]]
         return Given(perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit)
 
     def with_hold_and_delay(self, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-        """Return the plant (W,) as the controller sees it."""
+        """Return the plant (W,) with hold and delay."""
         return G * hold_and_delay_factor(self.source, omega, dt=self.dt, delay=self.delay)
 
     @cached_property
     def curves(self) -> Curves:
-        """Return the curves on the lines, and between them where the controller, which is known there, has modes."""
+        """Curves on the lines, and between them around the modes of the controller, which is known there."""
         at = np.union1d(self.omega, controller_mode_lines(self.K, (self.omega[0], self.omega[-1])))
         measured, w, W = (interpolate_frf(at, self.omega, part) for part in (self.G, self.w, self.W))
         G = self.with_hold_and_delay(at, measured)
-        W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
+        W = W * measured / G  # the set is around the measured plant: hold and delay belong to the controller
         w_P = None if self.w_P is None else response(self.w_P, at)
         return loop_curves(self.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
 
@@ -90,13 +70,13 @@ class LoopOnLines:
 def assemble_on_lines(
     model: FrfSource, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
 ) -> LoopOnLines:
-    """Put an FRF and a controller together, or refuse what does not fit."""
+    """Assemble an FRF and a controller; refuse parts that do not fit."""
     K = state_space("K", K)
     omega, G, form, w, perturbation, W = parts_on_lines(model)
     sampled_frf = frf_sampling_time(model) or None
     _require_usable_frf(omega, G, K, sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
-    if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
+    if w_P is not None and timebase(w_P):  # a continuous weight is allowed for a sampled loop
         require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
     return LoopOnLines(
         source=model,
@@ -115,47 +95,34 @@ def assemble_on_lines(
 
 @value
 class MatrixLoopOnLines:
-    """An FRF of several channels, without a set, and a controller around it.
+    """An FRF with several channels, without a set, and a controller around it."""
 
-    Fields
-    ------
-    G : control.FrequencyResponseData
-        The plant as the controller sees it, hold and delay included.
-    K : control.StateSpace
-    w_P : control.StateSpace or None
-        Performance weight.
-    delay : float
-        Computation delay [s] on top of what the FRF contains.
-    n_unstable : int
-        Unstable open-loop poles of the plant.
-    """
-
-    G: control.FrequencyResponseData
+    G: control.FrequencyResponseData  # plant with hold and delay
     K: control.StateSpace
-    w_P: control.StateSpace | None
-    delay: float
-    n_unstable: int
+    w_P: control.StateSpace | None  # performance weight
+    delay: float  # computation delay [s] in addition to that of the FRF
+    n_unstable: int  # unstable open-loop poles of the plant
 
     @property
     def wanted(self) -> int:
-        """Return how often det(I + L) has to wind about zero."""
+        """Number of times that det(I + L) has to wind around zero for stability."""
         return self.n_unstable + unstable_poles(self.K, timebase(self.K))
 
     @property
     def given(self) -> Given:
-        """Return what was fixed: demand, delay and band."""
+        """Input of the check: demand, delay and band."""
         return Given(demand=self.w_P, delay=self.delay, band=np.asarray(self.G.omega)[[0, -1]])
 
     @property
     def channels(self) -> LoopMargins:
-        """Return the disk margins."""
+        """Disk margins of the loop."""
         return disk_margins(self.G, self.K, n_unstable=self.wanted)
 
 
 def assemble_matrix_on_lines(
     G: control.FrequencyResponseData, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
 ) -> MatrixLoopOnLines:
-    """Put an FRF of several channels and a controller together, or refuse what does not fit."""
+    """Assemble an FRF with several channels and a controller; refuse parts that do not fit."""
     K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
     require_shape(K, G.noutputs, G.ninputs)
     delay = require_nonnegative("delay", delay)
@@ -171,7 +138,7 @@ def assemble_matrix_on_lines(
 
 
 def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
-    """Return what is found of a loop of several channels on the lines of its FRF; nothing of it is a proof."""
+    """Return the findings for several channels on the lines of their FRF; none of them is a proof."""
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
@@ -205,7 +172,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
 
 
 def _require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None) -> None:
-    """Refuse an FRF that has no finite value somewhere, and a controller of another clock or too slow for the lines."""
+    """Refuse an FRF that is not finite, and a controller with another clock or too slow for the lines."""
     dt = timebase(K)
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
@@ -220,14 +187,14 @@ def _require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace,
 
 
 def _stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
-    """Return what a winding number says of a loop that has to wind so often."""
+    """Return the stability that a winding number shows."""
     if not clear:
         return Stability.UNDECIDED
     return Stability.STABLE if turns == wanted else Stability.UNSTABLE
 
 
 def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
-    """Return what is found of a loop on the lines of its FRF; nothing of it is a proof, whatever the effort."""
+    """Return the findings for one channel on the lines of its FRF; none of them is a proof."""
     omega, K, dt = loop.omega, loop.K, loop.dt
     G = loop.with_hold_and_delay(omega, loop.G)
     radius = np.abs(plant_numerator(loop.form, np.nan_to_num(loop.w), G=G, W=loop.W * loop.G / G))

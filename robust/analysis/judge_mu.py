@@ -1,6 +1,6 @@
 """Judge a loop by the structured singular value: nominal stability, bounds of mu, certificates (SP 8.9, 8.10).
 
-The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
+The upper bound of mu over a grid decides whether a proof is tried; the lower bound gives a counter-example. Only
 `robust.mu.certify` and `certify_with_one_scaling`, which hold between the frequencies, make a proof.
 """
 
@@ -37,17 +37,17 @@ from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 from robust.proofs.search.stability import decide_stability
 
-_DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
+_DEFAULT_GAP = 0.05  # relative distance of proof and counter-example at which the search for an open verdict stops
 _MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 
 
 def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
-    """Return what is found of a loop by mu, in that form of its set that says most, with the largest |S| over it."""
+    """Return the findings by mu for the form with the strongest result, with the largest |S| over the set."""
     found = {form: judge_system(system, effort) for form, system in loop.systems.items()}
     form = _best_form(found)
     taken = replace(found[form], form=form)
     if len(found) > 1:
-        taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
+        taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)}, {form} gives most")
     if taken.nominally_stable:
         system = loop.sensitivity(form)
         S = set_gain(system.N, system.structure, curve=False, certify=effort.certify)
@@ -57,7 +57,7 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
 
 
 def _add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
-    """Return findings of a sampled set with the proof that it contains the continuous one, where it is worth one."""
+    """Add the proof that the sampled set contains the continuous one, if stability is proved for the sampled set."""
     proofs, proved = found.proofs, False
     if proofs.robustly_stable:
         certificate = folded.certify_aliases()
@@ -70,7 +70,7 @@ def _add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -
 
 
 def _best_form(found: dict[str, Findings]) -> str:
-    """Return the form of which most was proved, then that of the larger margin."""
+    """Return the form with the most proofs, then with the larger margin."""
 
     def established(form: str) -> tuple[bool, bool, float]:
         proofs, margin = found[form].proofs, float(np.nan_to_num(found[form].margins.rs, nan=-1.0))
@@ -80,7 +80,7 @@ def _best_form(found: dict[str, Findings]) -> str:
 
 
 def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
-    """Return what is found of a loop whose perturbations are pulled out."""
+    """Return the findings for a loop whose perturbations are pulled out."""
     statistical = any(block.perturbation == "statistical" for block in system.blocks.values())
     omega, nominal = structure_grid(system.N), decide_stability(system.N)
     if not nominal.stable:
@@ -139,7 +139,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
 
 
 def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:
-    """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
+    """Compute both bounds on one grid that contains the peaks of each, and the real parameters that break the loop."""
     first, known = refine_grid(system.loop, system.structure, omega=omega)
     parameters = _find_parameter_crossing(system, first, peak=float(known.max()))
     omega = first if parameters is None else np.union1d(first, parameters.omega)
@@ -149,7 +149,7 @@ def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves,
         omega = np.union1d(omega, seen)
         rp = _complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen))
     mu = _complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
-    if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
+    if parameters is not None:  # the crossing is exact; the bound may miss it by the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     return MuCurves(omega=omega, mu=mu, mu_rp=rp), parameters
 
@@ -161,7 +161,7 @@ def _complete_bounds(
     omega: np.ndarray,
     known: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """Return the bound (W,) at omega, computed only where it is not known."""
+    """Return the bound (W,) at omega; compute it only at frequencies without a known value."""
     at, values = known
     found = np.full(omega.size, np.nan)
     found[np.searchsorted(omega, at)] = values
@@ -174,7 +174,7 @@ def _complete_bounds(
 def _prove_stability_and_performance(
     system: UncertainSystem, curves: MuCurves, solver: str | None
 ) -> tuple[Certificate, ...]:
-    """Prove stability, and performance where stability is proved and the grid does not contradict it."""
+    """Prove stability, and performance if stability is proved and the grid does not contradict it."""
     stability = _prove_bound(system, system.loop, blocks=system.structure, subject="robust stability", solver=solver)
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
@@ -189,9 +189,9 @@ def _prove_stability_and_performance(
 
 
 def _subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin | None:
-    """Subdivide the box of real parameters until proof and counter-example meet; None without real ones.
+    """Subdivide the box of real parameters until proof and counter-example meet; None without real parameters.
 
-    The scalings on each part change with frequency, which says nothing of nonlinear perturbations.
+    The scalings on each part change with frequency, so the result does not hold for nonlinear perturbations.
     """
     kinds = {"real" if b.kind == "real" else b.perturbation for b in system.blocks.values()}
     if "real" not in kinds or "operator" in kinds:
@@ -207,7 +207,7 @@ def _apply_parameter_margin(
     worst: dict[str, float] | None,
     certificates: tuple[Certificate, ...],
 ) -> tuple[float, dict[str, float] | None, tuple[Certificate, ...]]:
-    """Merge what breaks the loop and what is proved with the result of the subdivision."""
+    """Merge the counter-example and the proofs with the result of the subdivision."""
     if cut.broken < broken:
         broken, worst = cut.broken, dict(zip(system.blocks, map(float, cut.worst), strict=True))
     if cut.proved >= 1 and not any(one.holds for one in certificates):
@@ -218,14 +218,14 @@ def _apply_parameter_margin(
 
 
 def _find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak: float) -> Crossing | None:
-    """Find real parameters that break the loop: they do so between the lines of any grid, where mu misses them."""
+    """Find real parameters that break the loop: they do so at frequencies between the lines of a grid."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None
     complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
     least = float(
         mu_bound_at(system.loop, complex_, omega=omega).max()
-    )  # as complex numbers they would have to be this small
+    )  # one over the smallest size of complex numbers that could break the loop
     if least == 0:
         return None
     return find_crossing(
@@ -239,14 +239,14 @@ def _find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak
 def _find_worst_perturbation(
     system: UncertainSystem, curves: MuCurves, parameters: Crossing | None
 ) -> tuple[float, dict[str, float] | None]:
-    """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
+    """Find the smallest factor, among frequencies with large mu, at which a perturbation makes the loop singular."""
     omega, mu = curves.omega, curves.mu
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
     cut = block_structure("blocks", system.structure)
     found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0))
     k = int(found.value.argmax())
-    assert found.delta is not None  # of a lower bound
+    assert found.delta is not None  # a lower bound comes with its perturbation
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
     if parameters is not None and parameters.size < size:
         size, delta = parameters.size, parameters.delta
@@ -263,9 +263,9 @@ def _prove_bound(
     subject: str,
     solver: str | None,
 ) -> Certificate:
-    """Prove mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
+    """Prove mu < 1 at every frequency, with one constant scaling if a block may be nonlinear.
 
-    A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
+    A repeated operator counts as a full block: only a scalar scaling commutes with a nonlinear operator.
     """
     operators = [block.kind != "real" and block.perturbation == "operator" for block in system.blocks.values()]
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2

@@ -1,7 +1,7 @@
 """The loop as it runs: plant, controller, hold and delay on one time base; its stability, curves and peaks.
 
-Curves are evaluated from the plant without its delay and the factor exp(-j omega delay): exact, where a Padé or a delay
-line would add modes of its own. Poles come from the state space with the delay in it.
+Curves are evaluated from the plant without its delay and the factor exp(-j omega delay). This is exact, while a Padé
+approximation or a delay line would add its own modes. Poles are those of the state space with the delay.
 """
 
 from __future__ import annotations
@@ -37,72 +37,52 @@ from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 _CONTINUOUS_CONTROLLER = (
     "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
 )
-_MAX_STATES = 600  # of a plant with its delay line
+_MAX_STATES = 600  # for a plant with its delay line
 
 
 @value
 class Loop:
-    """A set and a controller of one channel, closed on one time base: what is asked of the loop is a property of it.
+    """A set and a controller with one channel, closed on one time base."""
 
-    Fields
-    ------
-    model : UncertaintyModel
-        The set, with a parametric nominal.
-    controller : control.StateSpace
-        Controller as it was given.
-    G, K : control.StateSpace
-        Plant as the controller sees it (hold and delay inside) and controller, on the time base dt.
-    dt : float
-        Sampling time of the loop [s], 0 for continuous.
-    w_P : control.StateSpace or None
-        Performance weight, on its own time base.
-    pade_delay : float
-        Delay [s] that G holds as a Padé approximation made here (continuous loops only).
-    continuous_plant : control.StateSpace or None
-        The continuous nominal that G was sampled from.
-    undelayed_plant, plant_delay : control.StateSpace, float
-        G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
-        curves and margins are those of the exact delay.
-    given_plant, delay : control.StateSpace, float
-        The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
-    """
-
-    model: UncertaintyModel
-    controller: control.StateSpace
-    G: control.StateSpace
-    K: control.StateSpace
-    dt: float
-    w_P: control.StateSpace | None
-    pade_delay: float
-    continuous_plant: control.StateSpace | None
+    model: UncertaintyModel  # the set, with a parametric nominal
+    controller: control.StateSpace  # controller as given
+    G: control.StateSpace  # plant with hold and delay
+    K: control.StateSpace  # controller on the time base dt
+    dt: float  # sampling time of the loop [s]; 0 for a continuous loop
+    w_P: control.StateSpace | None  # performance weight, on its own time base
+    pade_delay: float  # delay [s] that G contains as a Padé approximation made here; continuous loops only
+    continuous_plant: control.StateSpace | None  # continuous nominal from which G was sampled
+    # G without its delay (without the whole samples of it in a sampled loop), and that delay [s]. The response is
+    # computed from these two, so curves and margins are those of the exact delay.
     undelayed_plant: control.StateSpace
     plant_delay: float
+    # plant before hold and delay, and that delay [s], for exact arithmetic
     given_plant: control.StateSpace
     delay: float
 
     @property
     def form(self) -> str:
-        """Return the form of the uncertainty."""
+        """Form of the uncertainty."""
         return self.model.form
 
     @property
     def weight(self) -> control.StateSpace:
-        """Return its weight, on its own time base."""
+        """Weight of the uncertainty, on its own time base."""
         return self.model.weight
 
     @property
     def shaping(self) -> control.StateSpace:
-        """Return what the plant is scaled by where the form depends on its units; the gain one elsewhere."""
+        """Scaling of the plant if the form depends on its units, else the gain one."""
         return self.model.shaping
 
     @property
     def band(self) -> tuple[float, float]:
-        """Return the first and the last measured frequency [rad/s]."""
+        """First and last measured frequency [rad/s]."""
         return float(self.model.omega[0]), float(self.model.omega[-1])
 
     @property
     def given(self) -> Given:
-        """Return what model and controller fix: class, demand, delay, band and unit."""
+        """Input of the check: class, demand, delay, band and unit."""
         return Given(
             perturbation=self.model.perturbation,
             demand=self.w_P,
@@ -113,11 +93,11 @@ class Loop:
 
     @property
     def omega_max(self) -> float:
-        """Return the Nyquist frequency [rad/s], inf for a continuous loop."""
+        """Nyquist frequency [rad/s]; inf for a continuous loop."""
         return np.pi / self.dt if self.dt else np.inf
 
     def with_plant(self, G: control.StateSpace) -> Loop:
-        """Return the same loop around another plant, as the controller sees it."""
+        """Return the same loop around another plant, which includes hold and delay."""
         return replace(self, G=G, undelayed_plant=G, plant_delay=0.0, given_plant=G, delay=0.0, continuous_plant=None)
 
     def closed_loop(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
@@ -126,25 +106,25 @@ class Loop:
 
     @cached_property
     def responders(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
-        """Return functions of omega that evaluate each part of the loop, by name."""
+        """Functions of omega that evaluate each part of the loop, by name."""
         parts = {"G": self.undelayed_plant, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
         return {name: trusted_responder(part) for name, part in parts.items() if part is not None}
 
     @cached_property
     def sensitivity_loop(self) -> control.StateSpace:
-        """Return the closed loop from r to e, whose poles decide stability."""
+        """Closed loop from r to e, whose poles decide stability."""
         return self.closed_loop(("e",), ("r",))
 
     @cached_property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the poles of the nominal loop, hidden modes included, and a bound on the rounding of each."""
+        """Poles of the nominal loop, hidden modes included, and a bound on the rounding of each."""
         return poles_with_rounding(self.sensitivity_loop)
 
     @cached_property
     def modes(self) -> np.ndarray:
-        """Return the poles of the nominal loop, in many digits where rounding may exceed the damping of one.
+        """Poles of the nominal loop, in many digits if rounding may exceed the damping of one.
 
-        A grid is made dense around them: one that misses a light mode by its width does not see its peak.
+        Grids are dense around these poles; a grid that misses a light mode by its width would miss its peak.
         """
         poles, moved = self.poles
         if poles.size > MAX_EXACT_STATES or not poles_are_uncertain(poles, moved, bool(self.dt)):
@@ -165,7 +145,7 @@ class Loop:
         of = self.responders
         w_P = None if self.w_P is None else of["w_P"](omega)
         G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
-        # the set is one about the plant without its delay, which stands with the controller
+        # the set is around the plant without its delay; the delay counts to the controller
         W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].depends_on_units else None
         found = loop_curves(self.form, omega, G=G, K=K, w=w, w_P=w_P, W=W)
         if self.aliases is None:
@@ -175,7 +155,7 @@ class Loop:
 
     @cached_property
     def aliases(self) -> Aliases | None:
-        """Return the aliases of a set of continuous plants under a sampled controller; None for any other loop."""
+        """Aliases of a set of continuous plants under a sampled controller; None for any other loop."""
         if self.continuous_plant is None:
             return None
         return aliases_of_set(
@@ -194,23 +174,23 @@ class Loop:
 
     @property
     def reason_against_system(self) -> str:
-        """Return why the loop is no state space with a perturbation pulled out; empty where it is one."""
+        """Reason why the loop is not a state space with a perturbation pulled out; empty if it is one."""
         if FORMS[self.form].depends_on_units:
-            return f"an inequality is not set up for the {self.form} form; exact arithmetic proves it"
+            return f"no inequality is set up for the {self.form} form; exact arithmetic proves it"
         if self.continuous_plant is not None:
-            return "every alias of a continuous plant counts, which no inequality covers; exact arithmetic proves it"
+            return "no inequality covers the aliases of a continuous plant; exact arithmetic proves them"
         if self.pade_delay:
-            return "the delay of a continuous loop is no state space; exact arithmetic proves it"
+            return "the delay of a continuous loop is not a state space; exact arithmetic proves it"
         for name, weight in (("weight", self.weight), ("w_P", self.w_P)):
             if weight is not None and not is_constant(weight) and timebase(weight) != self.dt:
-                return f"{name} is continuous over a sampled loop; exact arithmetic proves it"
+                return f"{name} is continuous in a sampled loop; exact arithmetic proves it"
         return ""
 
     @property
     def perturbation_loop(self) -> control.StateSpace:
-        """Return the loop from (perturbation, r) to (what it reads, w_P e), weights inside; r and e with w_P only.
+        """Loop from (perturbation, r) to (input of the perturbation, w_P e), with weights; r and e only with w_P.
 
-        What the form weighs is b = w R S, so the factors of R name the channels.
+        The form weights b = w R S, so the factors of R give the channels.
         """
         factors = FORMS[self.form].rs_factors
         outputs, inputs = ["u" if "K" in factors else "y"], ["p_in" if "G" in factors else "p_out"]
@@ -233,7 +213,7 @@ class Loop:
 
 
 def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> Loop:
-    """Put plant and controller on one time base, or refuse what does not fit together."""
+    """Put plant and controller on one time base; refuse parts that do not fit."""
     K = state_space("K", K)
     delay = require_nonnegative("delay", delay)
     G = model.nominal
@@ -242,8 +222,8 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
     if G.nstates + K.nstates + (delay / dt if dt else 0) > _MAX_STATES:
         raise ValueError(
             f"delay must leave at most {_MAX_STATES} states in the loop, got {delay:g} s"
-            + (f" of {dt:g} s each sample" if dt else "")
-            + f" around {G.nstates + K.nstates} states. A slower sampling time has a shorter delay line."
+            + (f" with {dt:g} s each sample" if dt else "")
+            + f" around {G.nstates + K.nstates} states. A longer sampling time shortens the delay line."
         )
     pade_delay, unsampled = 0.0, None
     if dt_G:
@@ -259,7 +239,8 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
         if FORMS[model.form].depends_on_units:
             raise ValueError(
                 f"K must have the sampling time of the nominal model for the {model.form} form, whose set is not that "
-                f"of the sampled plant, got {dt_K:g} s on a continuous one. Take sampled(nominal, dt) as the nominal"
+                f"of the sampled plant, got {dt_K:g} s and a continuous nominal. Use sampled(nominal, dt) as the "
+                "nominal"
             )
         dt, unsampled = dt_K, G
         shift = np.floor(delay / dt + 1e-9) * dt
@@ -310,7 +291,7 @@ def decide_nominal_stability(loop: Loop) -> StabilityResult:
 def decide_in_floating_point(loop: Loop) -> StabilityResult:
     """Decide stability of the loop by its poles and their rounding: stable, unstable, or undecided.
 
-    The exact delay of a continuous loop counts, not its approximation.
+    The decision is for the exact delay of a continuous loop, not for its approximation.
     """
     waiting = loop.pade_delay > 0
     poles, moved = (loop.with_plant(loop.undelayed_plant) if waiting else loop).poles
@@ -333,7 +314,7 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
 
 
 def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margins:
-    """Find the margins over all frequencies, from the largest values of the curves: those on a grid, refined."""
+    """Find the margins over all frequencies: the largest values of the curves on a grid, refined."""
     names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
@@ -365,7 +346,7 @@ def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margi
 
 
 def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:
-    """Return a plant as the controller of the loop sees it: sampled, or with its delay."""
+    """Return a plant with the hold and delay of the loop: sampled, or with its delay."""
     if loop.dt and not timebase(plant):
         return sampled(plant, loop.dt, delay)
     return delayed(plant, delay)
@@ -374,12 +355,12 @@ def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> contro
 def perturbed_sensitivity(
     plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray
 ) -> np.ndarray:
-    """Return S (W,) with another plant; in a continuous loop with the exact delay, not its approximation."""
+    """Return S (W,) with another plant; in a continuous loop with the exact delay."""
     around = replace(loop.with_plant(plant), plant_delay=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
     return around.curves(omega).S
 
 
 def is_stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
-    """Decide whether the loop is stable with another plant; `seen` is the plant as the controller sees it."""
+    """Return whether the loop is stable with another plant; `seen` is that plant with hold and delay."""
     other = replace(loop, G=seen, undelayed_plant=plant if loop.pade_delay else seen, given_plant=plant)
     return decide_nominal_stability(other).stable

@@ -1,14 +1,14 @@
-"""Predict at which level a loop moves the machine, and compare that with the levels at which it was measured.
+"""The level at which a loop moves the machine, compared with the levels at which the machine was measured.
 
     r --->(+)- e ->[ K ]--(+)--- u -->[ G ]--(+)--> y        from r and n:  u = K S r,  y = G K S r
           -^               ^d                 |              from d:        u = S d,    y = G S d
            +------------------------(+)<------+
                                      ^n
 
-A best linear approximation holds at its level: a machine with friction that moves more slides more, one that moves
-less sticks. u is the whole plant input, as in the record; y is the plant output, without the noise of its sensor.
-Spectra go through the closed-loop gains of the nominal plant, and through the largest gain that any plant of the set
-has at each frequency. That is an upper bound for every plant of the set: none need be the worst at all frequencies.
+A best linear approximation holds at its level: at a larger level a machine with friction slides more, at a smaller one
+it sticks. u is the whole plant input, as in the record; y is the plant output, without the noise of its sensor.
+Spectra are multiplied by the closed-loop gains of the nominal plant, and by the largest gain of any plant of the set at
+each frequency. The second gives an upper bound for every plant of the set; no plant need attain it at all frequencies.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from robust.models.sets.records import rms_levels
 
 @value(kw_only=False)
 class NoiseSignal:
-    """Noise in a loop, of constant power density between two frequencies and none elsewhere.
+    """Noise in a loop, with constant power density between two frequencies and zero elsewhere.
 
     Fields
     ------
     rms : float
-        Its root mean square, in the unit of the signal.
+        Root mean square, in the unit of the signal.
     omega_min, omega_max : float
-        Its band [rad/s]; without omega_max up to the Nyquist frequency of a sampled loop.
+        Band [rad/s]. Default of omega_max: the Nyquist frequency of a sampled loop.
 
     Raises
     ------
     ValueError
-        An rms below zero, a band that is empty.
+        A negative rms, an empty band.
 
     References
     ----------
@@ -87,7 +87,7 @@ class StepSignal:
     Fields
     ------
     height : float
-        In the unit of the signal.
+        Height, in the unit of the signal.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class StepSignal:
 
 @value
 class LoopSignals:
-    """What acts on a loop u = K (r - y - n), y = G (u + d): each of them or none.
+    """Signals that act on a loop u = K (r - y - n), y = G (u + d); at least one.
 
     Fields
     ------
@@ -122,7 +122,7 @@ class LoopSignals:
     Raises
     ------
     ValueError
-        No signal at all, or something that is none.
+        No signal at all, or a value that is not a signal.
 
     References
     ----------
@@ -146,35 +146,35 @@ class LoopSignals:
             require_kind(name, signal, NoiseSignal, StepSignal)
 
     def named(self) -> dict[str, NoiseSignal | StepSignal]:
-        """Return those that are there, by name."""
+        """Return the given signals, by name."""
         every = {"reference": self.reference, "disturbance": self.disturbance, "noise": self.noise}
         return {name: signal for name, signal in every.items() if signal is not None}
 
 
 def _require_real_or_nan(name: str, number: object) -> float:
-    """Return a real number, or nan for one that was not given."""
+    """Return a real number, or nan for a missing one."""
     return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
 
 
-#: Factor by which a level may lie outside the measured ones and still count as one of them: one record has one
+#: Factor by which a level may lie outside the measured ones and still count as one of them, because one record has one
 #: level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
 _LEVEL_TOLERANCE = 1.5
-#: A step as the sinusoid of the same swing: the friction of a swing is that of its amplitude (describing functions).
+#: Rms of the sinusoid with the swing of a step: friction over a swing depends on its amplitude (describing functions).
 _RMS_OF_SWING = 1 / np.sqrt(8)
-#: Share of the power in the measured band from which on the report does not mention the rest.
+#: Share of the power in the measured band above which the report does not mention the rest.
 _MIN_SHARE_IN_BAND = 0.5
 #: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense around every mode.
 _PANEL_NODES, _PANELS = 7, 4
-_WIDE = 200  # further frequencies, over nine decades below the end of a noise
+_WIDE = 200  # further frequencies, over nine decades below the upper end of a noise
 
 
 class LevelState(enum.Enum):
-    """Where a predicted rms lies against the measured ones, with a factor of 1.5 left to either side.
+    """Position of a predicted rms relative to the measured ones, with a tolerance of a factor 1.5.
 
     Fields
     ------
-    INSIDE, BELOW, ABOVE : among the levels measured, below all, above all.
-    UNKNOWN : no level was measured, or the record did not keep it.
+    INSIDE, BELOW, ABOVE : among the measured levels, below all, above all.
+    UNKNOWN : no level was measured, or the records do not contain it.
 
     References
     ----------
@@ -195,62 +195,35 @@ class LevelState(enum.Enum):
 
 @value
 class _SignalLevel:
-    """What one signal of a loop does to the plant.
+    """Effect of one signal of a loop on the plant; means are left out."""
 
-    Fields
-    ------
-    name : str
-        "reference", "disturbance" or "noise".
-    u, y : float
-        Rms of the plant input and output by it, of the nominal loop [unit of u, unit of y]; means are left out. Of a
-        step that of the sinusoid with the same swing.
-    u_worst, y_worst : float
-        Upper bound of these over the set; inf where the set holds an unstable loop, nan of a step.
-    u_in_band, y_in_band : float
-        Share of that power in the measured band; nan of a step.
-
-    References
-    ----------
-    SP 2.2.1; K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 5.
-
-    Examples
-    --------
-    >>> from robust.analysis import LoopSignals, NoiseSignal
-    >>> from robust import UncertaintyModel
-    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> level = predict_level(model, 1.0, LoopSignals(disturbance=NoiseSignal(1.0, omega_max=50.0)))
-    >>> [one.name for one in level.signals]
-    ['disturbance']
-    """
-
-    name: str
-    u: float
-    y: float
-    u_worst: float = float("nan")
+    name: str  # "reference", "disturbance" or "noise"
+    u: float  # rms of the plant input in the nominal loop [unit of u]; for a step: of the sinusoid with its swing
+    y: float  # the same for the plant output [unit of y]
+    u_worst: float = float("nan")  # upper bound of u over the set; inf with an unstable plant, nan for a step
     y_worst: float = float("nan")
-    u_in_band: float = float("nan")
+    u_in_band: float = float("nan")  # share of the power of u in the measured band; nan for a step
     y_in_band: float = float("nan")
 
 
 @value
 class LoopLevel:
-    """The level at which a loop moves the machine, against the levels at which it was measured.
+    """The level at which a loop moves the machine, compared with the measured levels.
 
     Fields
     ------
     signals : tuple of SignalLevel
-        Each signal by itself.
+        Level by each signal alone: name, rms of u and y, their bounds over the set, share of power in the band.
     u, y : float
-        Rms of all of them together at plant input and output [unit of u, unit of y], as if independent.
+        Rms by all signals together at plant input and output [unit of u, unit of y], as if independent.
     u_worst, y_worst : float
-        Upper bound of these over the set; inf where the set holds an unstable loop, nan with a step.
+        Upper bounds of u and y over the set; inf if the set contains an unstable loop, nan with a step.
     u_measured, y_measured : (2,) ndarray
-        Lowest and highest rms of the records behind the set; nan where not known.
+        Lowest and highest rms of the records behind the set; nan if unknown.
     u_state, y_state : LevelState
-        Where u and y lie against these.
+        Position of u and y relative to the measured levels.
     unit : str
-        Unit of the plant, y over u, where it is known.
+        Unit of the plant, y over u; empty if unknown.
 
     References
     ----------
@@ -280,7 +253,7 @@ class LoopLevel:
 
     @property
     def inside(self) -> bool:
-        """Return whether plant input and output both lie among the measured levels."""
+        """True if plant input and output both lie among the measured levels."""
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
@@ -297,23 +270,23 @@ class LoopLevel:
         return f"{'; '.join(parts)}. {_describe_consequence(self.u_state, self.y_state)}"
 
 
-_HOLDS = "The set was measured at this level, not at those below it that the loop passes as it comes to rest."
+_HOLDS = "The set was measured at this level, but not at the lower levels that the loop passes as it comes to rest."
 _LEAVES = (
-    "The set was not measured at this level, and its verdict says nothing of the machine there. Measure there too, and "
-    "give all levels to uncertainty."
+    "The set was not measured at this level, so its verdict does not hold there. Measure at that level too, and give "
+    "all levels to uncertainty."
 )
 _DISAGREES = (
-    "Input and output disagree, as the loop has another spectrum than the record had: the set was not measured at this "
-    "level. Measure with the spectrum of the loop, or at levels that hold both."
+    "Input and output disagree, because the loop has another spectrum than the record: the set was not measured at "
+    "this level. Measure with the spectrum of the loop, or at levels that include both."
 )
 _NOT_KNOWN = (
-    "The levels that were measured are not known, so nothing is said of them. Make the model anew from its records, or "
-    "give them as bla."
+    "The measured levels are unknown, so they are not compared. Make the model again from its records, or give the "
+    "records as bla."
 )
 
 
 def _describe_consequence(u: LevelState, y: LevelState) -> str:
-    """Return what the states of input and output mean together for the set."""
+    """Describe the meaning of both states for the set."""
     if LevelState.UNKNOWN in (u, y):
         return _NOT_KNOWN
     if u is not y:
@@ -322,7 +295,7 @@ def _describe_consequence(u: LevelState, y: LevelState) -> str:
 
 
 def _describe_rms(level: LoopLevel, name: str, unit: str) -> str:
-    """Describe the level at one end of the plant: predicted, measured, and how far apart."""
+    """Describe the level at one end of the plant: predicted, measured, and their ratio."""
     rms, worst, state = (getattr(level, f"{name}{part}") for part in ("", "_worst", "_state"))
     low, high = getattr(level, f"{name}_measured")
     text = f"{name} {' '.join([f'{rms:.3g}', *unit.split()])} rms"
@@ -349,23 +322,23 @@ def predict_level(
 ) -> LoopLevel:
     """Predict the rms at plant input and output in closed loop, and whether the machine was measured at that level.
 
-    The prediction is that of the linear loop; its bound over the set leaves out what the set adds above the Nyquist
-    frequency of a sampled loop. Where it leaves the measured levels the machine has another best linear
-    approximation, and neither the prediction nor a verdict on the set holds there.
+    Use this before you trust a design for a machine with friction or another nonlinearity. Outside the measured levels
+    the machine has another best linear approximation, so neither the prediction nor a verdict on the set holds there.
+    The prediction is that of the linear loop. Its bound over the set excludes the aliases of the set in a sampled loop.
 
     Parameters
     ----------
     model : UncertaintyModel
         The plant, with a parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback u = K (r - y); a sampled one sees a continuous nominal behind its hold, and the
-        rms is then that at the sampling instants.
+        Controller, negative feedback u = K (r - y). A sampled K acts on a continuous nominal through its hold; the rms
+        is then that at the sampling instants.
     signals : LoopSignals
-        What acts on the loop.
+        Signals that act on the loop.
     delay : float
-        Computation delay [s] on top of what the model contains.
+        Computation delay [s] in addition to that of the model.
     bla : nlfrf.Bla or list of them, optional
-        Records whose levels count as measured; those that the model remembers when not given.
+        Records whose levels count as measured. Default: the records of the model.
 
     Returns
     -------
@@ -374,8 +347,8 @@ def predict_level(
     Raises
     ------
     ValueError
-        A plant that is known on its lines only; a loop that is not stable, which has no level; noise that has no end in
-        a continuous loop, or reaches above the Nyquist frequency of a sampled one.
+        A plant that is known on its lines only; a loop that is not stable; noise without an upper frequency in a
+        continuous loop, or with one above the Nyquist frequency of a sampled loop.
 
     References
     ----------
@@ -384,7 +357,7 @@ def predict_level(
 
     Examples
     --------
-    Noise of density one from 0 to 100 rad/s at the input of 1/(s + 1) under K = 1: |G S|^2 = 1/(w^2 + 4).
+    Noise with density one from 0 to 100 rad/s at the input of 1/(s + 1) with K = 1: |G S|^2 = 1/(w^2 + 4).
 
     >>> from robust.analysis import LoopSignals, NoiseSignal
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
@@ -417,12 +390,12 @@ def predict_level(
 
 
 def require_one_channel_loop(model: object) -> None:
-    """Refuse a plant whose loop has no response between lines, or more than one port."""
+    """Refuse a plant that is known on its lines only, and one with several channels."""
     require_one_channel(model, "simulate its loop (nlfrf.rig.run)", "for its level in a loop")
 
 
 def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
-    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan where one is not known."""
+    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan if one is unknown."""
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.records]
     else:
@@ -436,7 +409,7 @@ def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -
 
 
 def find_state(rms: float, low: float, high: float) -> LevelState:
-    """Return where a level lies against the lowest and the highest measured."""
+    """Return the position of a level relative to the lowest and the highest measured one."""
     if np.isnan([rms, low, high]).any():
         return LevelState.UNKNOWN
     if rms > high * _LEVEL_TOLERANCE:
@@ -445,9 +418,9 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
 
 
 def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
-    """Return what a step does to plant input and output of the nominal loop, as the sinusoid of the same swing."""
+    """Return the effect of a step on plant input and output of the nominal loop, as the sinusoid with its swing."""
     system, rms = _loop_to_plant_signals(loop, name), np.full(2, np.nan)
-    if is_stable(system):  # else the approximation of a delay, in a loop that is stable with the delay itself
+    if is_stable(system):  # else the approximation of the delay is unstable, though the loop itself is stable
         _, out = simulate_step(system)
         swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
         rms = np.abs(float(signal.height)) * swing * _RMS_OF_SWING
@@ -455,7 +428,7 @@ def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
 
 
 def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
-    """Return what noise in a band does to plant input and output: its density times the squared gains, integrated."""
+    """Return the effect of noise in a band on plant input and output: density times squared gains, integrated."""
     low, high = _noise_band(name, signal, loop.dt)
     grid = np.concatenate([loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, _WIDE)])
     grid = np.concatenate([[low], np.unique(grid[(grid > low) & (grid < high)]), [high]])
@@ -476,12 +449,12 @@ def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
 
 
 def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]:
-    """Return the band [rad/s] of a noise in a loop; an open end is Nyquist, which nothing may lie above."""
+    """Return the band [rad/s] of a noise in a loop; an open end becomes Nyquist, an end above Nyquist is refused."""
     high = float(signal.omega_max)
     if np.isnan(high):
         if not dt:
             raise ValueError(
-                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms is infinite"
+                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms would be infinite"
             )
         high = np.pi / dt
     if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):
@@ -495,13 +468,13 @@ def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float
 def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     """Return (4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
 
-    With S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) it is G_p S_p = S (G + g D)/(1 + b D), which
-    `worst_sensitivity` bounds exactly as it does S_p.
+    S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) give G_p S_p = S (G + g D)/(1 + b D), which
+    `worst_sensitivity` bounds exactly, like S_p.
     """
     G, S, a, b = replace_infinite(curves.G), curves.S, curves.a, curves.b
     g = plant_numerator(form, curves.w, G=G, W=curves.W) / curves.W
     with np.errstate(all="ignore"):
-        # where G is zero only the part of the set is left: S g D/(1 + b D)
+        # at a zero of G only the term of the set remains: S g D/(1 + b D)
         GS = np.where(G == 0, 0.0, G * S)
         worst_GS = np.where(
             G == 0,
@@ -515,10 +488,10 @@ def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
 
 
 def encoder_noise(loop: Loop) -> float:
-    """Return the rms of u over the step of an encoder that rounds y, [unit of u over y]; nan of a continuous loop.
+    """Return the rms of u over the step of an encoder that rounds y [unit of u over y]; nan for a continuous loop.
 
-    While y moves over many steps, rounding is white noise of the step over sqrt(12) (Widrow & Kollár, *Quantization
-    Noise*, 2008); u is K S times that. The Gramian of a sampled loop is that of its bilinear image.
+    While y moves over many steps, rounding is white noise of rms step / sqrt(12) (Widrow & Kollár, *Quantization
+    Noise*, 2008), filtered by K S. The Gramian of a sampled loop is that of its bilinear image.
     """
     if not loop.dt:
         return float("nan")
@@ -527,13 +500,13 @@ def encoder_noise(loop: Loop) -> float:
     if A.size and not np.linalg.eigvals(A).real.max() < 0:
         return float("nan")  # no steady state within rounding
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of a pole near the stability boundary: X is large there
+        warnings.simplefilter("ignore", RuntimeWarning)  # a pole near the stability boundary: X is large
         X = solve_continuous_lyapunov(A, -B @ B.T) if A.size else np.zeros((0, 0))
     return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
 
 
 def describe_encoder_noise(gain: float, unit: str) -> str:
-    """Describe the rms of u over the step of an encoder; unit of the plant, y over u. Empty where it is not known.
+    """Describe the rms of u over the step of an encoder; unit of the plant, y over u. Empty if unknown.
 
     >>> describe_encoder_noise(4.0e4, "m/N")
     'a step of 1 um adds 0.04 N rms to u, while y moves over many steps'
@@ -547,7 +520,7 @@ def describe_encoder_noise(gain: float, unit: str) -> str:
 
 
 def _loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:
-    """Return the nominal loop from a signal to plant input and output; an rms does not depend on its sign."""
+    """Return the nominal loop from a signal to plant input and output, up to a sign, which an rms does not contain."""
     if name != "disturbance":
         return loop.closed_loop(("u", "y"), ("r",))
     closed = loop.closed_loop(("u", "y"), ("p_in",))

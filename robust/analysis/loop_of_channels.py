@@ -1,4 +1,4 @@
-"""A set and a controller of several channels, its perturbations pulled out for each form of the set."""
+"""A set and a controller with several channels, with the perturbations pulled out for each form of the set."""
 
 from __future__ import annotations
 
@@ -23,45 +23,33 @@ from robust.proofs.search.stability import decide_stability
 
 @value
 class LoopOfChannels:
-    """A set and a controller of several channels on one time base.
+    """A set and a controller with several channels on one time base."""
 
-    Fields
-    ------
-    model : UncertaintyModel
-        The set as it was given.
-    K : control.StateSpace
-        Controller.
-    w_P : control.StateSpace, number or None
-        Performance weight.
-    delay : float
-        Computation delay [s] on top of what the model contains.
-    """
-
-    model: UncertaintyModel
+    model: UncertaintyModel  # the set as given
     K: control.StateSpace
-    w_P: Weight | None
-    delay: float
+    w_P: Weight | None  # performance weight
+    delay: float  # computation delay [s] in addition to that of the model
 
     @cached_property
     def forms(self) -> dict[str, tuple[UncertaintyModel, SampledSet | None]]:
-        """Return the set in each form on the time base of the controller, and the sampled one its aliases are in."""
+        """Each form of the set on the time base of the controller, and the sampled set that contains its aliases."""
         forms = [one for one in (self.model, self.model.alternative_form) if one is not None]
         return {one.form: set_on_controller_time_base(one, self.K, self.delay) for one in forms}
 
     @property
     def given(self) -> Given:
-        """Return what model and controller fix: class, demand, delay, band and unit."""
+        """Input of the check: class, demand, delay, band and unit."""
         band, perturbation = self.model.omega[[0, -1]], self.model.perturbation
         return Given(perturbation=perturbation, demand=self.w_P, delay=float(self.delay), band=band)
 
     @cached_property
     def systems(self) -> dict[str, UncertainSystem]:
-        """Return the loop with its perturbations pulled out, for each form of the set."""
+        """The loop with its perturbations pulled out, for each form of the set."""
         return {form: model.loop(self.K, w_P=self.w_P) for form, (model, _) in self.forms.items()}
 
     @cached_property
     def channels(self) -> LoopMargins:
-        """Return the disk margins of the nominal loop."""
+        """Disk margins of the nominal loop."""
         return disk_margins(next(iter(self.forms.values()))[0], self.K)
 
     def sensitivity(self, form: str) -> UncertainSystem:
@@ -69,48 +57,41 @@ class LoopOfChannels:
         return performance_loop(self.forms[form][0], self.K, None)
 
     def folded(self, form: str) -> SampledSet | None:
-        """Return the sampled set that aliases are in; None where there are none."""
+        """Return the sampled set that contains the aliases; None without aliases."""
         return self.forms[form][1]
 
 
 def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None) -> UncertainSystem:
-    """Return the loop of several channels with S, or w_P S, as performance; its nominal has to be stable."""
+    """Return the loop with several channels and performance S or w_P S; refuse one whose nominal is not stable."""
     one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
     system = model.loop(K, w_P=one if w_P is None else w_P)
     nominal = decide_stability(system.N)
     if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
+        raise ValueError(f"K must stabilise the nominal plant for a worst case to exist, got a loop that is {nominal}")
     return system
 
 
 @value
 class _SetGain:
-    """The largest gain from inputs to outputs over a set: a curve of upper bounds, the largest of all among them.
+    """Upper bounds (W,) of the largest gain from inputs to outputs over a set."""
 
-    Fields
-    ------
-    omega, gain : (W,) ndarray
-        Frequencies [rad/s] and the bound there.
-    n_lines : int
-        0 where the largest one is proved at all frequencies (and reached within 0.1 % where it stands), else the number
-        of those that it was looked at on.
-    """
-
-    omega: np.ndarray
+    omega: np.ndarray  # frequencies [rad/s]
     gain: np.ndarray
+    # 0 if the largest bound is proved at all frequencies, and attained within 0.1 % at its own; else the number of
+    # frequencies checked
     n_lines: int = 0
 
     @property
     def peak(self) -> Peak:
-        """Return the largest bound."""
+        """Largest bound."""
         return peak_of(self.omega, self.gain)
 
 
 def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certify: bool = True) -> _SetGain:
     """Bound the largest gain over a set.
 
-    curve : whether the bound is wanted at other frequencies than that of its largest value, too.
-    certify : whether it is proved at all frequencies, or computed on those of a grid.
+    curve : compute the bound on a grid too, not only at the frequency of its largest value.
+    certify : prove the largest bound at all frequencies; else the bound holds on the grid only.
     """
     found = bound_set_gain(N, blocks) if certify else None
     if found is None or not found.is_proved:

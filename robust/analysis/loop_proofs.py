@@ -1,7 +1,7 @@
 """Prove robust stability and robust performance of a loop at every frequency, in exact arithmetic.
 
-The claims are polynomial inequalities in omega (`robust.proofs.exact`); here they are set up, and for operators the one
-scaling of all frequencies is searched, as the search needs no proof.
+The claims are polynomial inequalities in omega (`robust.proofs.exact`); this module sets them up. For operators it also
+searches the one scaling for all frequencies; the search itself needs no proof.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from robust.proofs.search.certificate import EXACT, Certificate, failed_certific
 if TYPE_CHECKING:
     import control
 
-# ---- The claim of a check as exact numbers, so that it can be proved again independently.
+# ---- The claim of a check as exact numbers, for an independent proof.
 
 
 def stability_claim(
     model: UncertaintyModel, K: Controller, *, w_P: control.StateSpace | None, delay: float
 ) -> LoopClaim:
-    """Return the claim of robust stability of a model with its controller, in the numbers that were given."""
+    """Return the claim of robust stability of a model with its controller, in the given numbers."""
     form = FORMS[model.form]
     return LoopClaim(
         plant=to_matrices(model.nominal),
@@ -53,14 +53,14 @@ def stability_claim(
     )
 
 
-_TIME_CAP = 10.0  # seconds of the processor for a claim that is made by itself
-_TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
+_TIME_CAP = 10.0  # processor time for a single claim [s]
+_TIME_CAP_PER_CLAIM = 3.0  # processor time for each of several claims [s]
 
 
 def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proofs:
-    """Prove stability and performance of the set in exact arithmetic, where the largest rs found is `peak`.
+    """Prove stability and performance of the set in exact arithmetic; `peak` is the largest rs found.
 
-    With aliases the condition is sufficient only: what fails is no disproof.
+    With aliases the condition is only sufficient, so a failure is no disproof.
     """
     claim = stability_claim(loop.model, loop.controller, w_P=loop.w_P, delay=loop.delay)
     aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
@@ -93,7 +93,7 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
 
 
 def has_worst_gain_below(loop: Loop, level: float) -> bool:
-    """Return whether |w_P S| (|S| without w_P) of every plant of the set is proved to stay below a level."""
+    """Return whether |w_P S| (|S| without w_P) is proved to stay below a level for every plant of the set."""
     demand = state_space("w_P", 1.0) if loop.w_P is None else loop.w_P
     demand = type(demand)(demand.A, demand.B, demand.C / level, demand.D / level, demand.dt)
     claim = stability_claim(loop.model, loop.controller, w_P=demand, delay=loop.delay)
@@ -104,9 +104,10 @@ def has_worst_gain_below(loop: Loop, level: float) -> bool:
 
 
 def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
-    """Return why no proof of performance with every alias is attempted; empty where one is.
+    """Return why no proof of performance with every alias is tried; empty if it is tried.
 
-    Exact arithmetic has only upper bounds there, and would cut the axis around the frequency where none suffices.
+    With aliases, exact arithmetic has upper bounds only. If they fail, it would split the axis around that frequency
+    without end.
     """
     if claim.perturbation == "operator":
         return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
@@ -115,7 +116,7 @@ def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
 
 
 def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
-    """Return the certificate of the one claim, with the claim in it where it holds."""
+    """Return the certificate of one claim; it contains the claim if it holds."""
     (name,) = claim.claims
     if name in found.proved:
         return Certificate(
@@ -128,7 +129,7 @@ def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, t
             claim=claim,
             again=verify_loop,
         )
-    # where stability of the nominal loop stays open nothing else was looked at: the first failure is the cause
+    # nothing else was checked if stability of the nominal loop is open: the first failure is the cause
     reason = dict(found.failed).get(name, "") if set(found.proved) >= {NOMINAL, WEIGHTS} else ": ".join(found.failed[0])
     return failed_certificate(
         subject, 1.0, reason, outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED
@@ -136,7 +137,7 @@ def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, t
 
 
 def _best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
-    """Find the one scaling of all frequencies with the least gain of an operator's loop (convex in its log)."""
+    """Find the scaling, the same for all frequencies, with the least gain of an operator's loop (convex in its log)."""
     if loop.aliases is not None:
         point, PS = loop.with_aliases(curves), np.abs(curves.w_P * curves.S)
         others = point.alias_sums()
@@ -152,14 +153,14 @@ def _best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> floa
             )
             return -float(np.nanmin(left[-1] / terms.closed))
 
-    logs = np.linspace(-30.0, 30.0, 31)  # the units of plant and weights may lie decades apart
+    logs = np.linspace(-30.0, 30.0, 31)  # wide, because the units of plant and weights may differ by decades
     k = int(np.clip(np.argmin([largest(log) for log in logs]), 1, logs.size - 2))
     return float(np.exp(minimize_scalar(largest, bracket=tuple(logs[k - 1 : k + 2])).x))
 
 
 def _terms_of_curves(curves: Curves) -> Terms:
-    """Return the terms of exact arithmetic as numbers, to look for a scaling with."""
-    assert curves.w_P is not None  # of a loop without a performance weight no scaling is searched
+    """Return the terms of exact arithmetic as numbers, for the search of a scaling."""
+    assert curves.w_P is not None  # a scaling is searched only with a performance weight
     G, K, W = replace_infinite(curves.G), replace_infinite(curves.K), np.abs(curves.W) ** 2
     L, one = G * K, np.ones(curves.omega.size)
     return Terms(

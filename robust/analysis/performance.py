@@ -1,4 +1,4 @@
-"""Crossover, phase and gain margin and bandwidth, read off the loop gain over frequency."""
+"""Crossover, phase and gain margin and bandwidth from the loop gain; singular values of a loop; step responses."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import delayed, sampled
 from robust.pages.section import Fact
 
-_BETWEEN = 8  # frequencies from one of the grid of a system to the next
+_BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
-_REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
+_REAL_TOLERANCE = 1e-6  # |Im L| over |L| below which the last point, just below Nyquist, counts as real
 
 
 @value
 class ClassicalMargins:
-    """What a Bode picture of L is read for; they mean something for a loop that is stable.
+    """Crossover, phase margin, gain margin and bandwidth of a loop gain; meaningful for a stable loop only.
 
     Fields
     ------
     crossovers : tuple of float
-        Every frequency at which |L| is one [rad/s], increasing.
+        Every frequency with |L| = 1 [rad/s], increasing.
     phase_margin, omega_phase : float
-        Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and where [rad/s].
+        Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and its frequency [rad/s].
     delay_margin : float
-        Least further delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf where there are none.
+        Smallest additional delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf without crossover.
     gain_margin, omega_gain : float
-        Smallest factor above one on the loop gain that puts L on -1, inf where none does, and where [rad/s].
+        Smallest factor above one on the loop gain that puts L on -1, inf if there is none; its frequency [rad/s].
     gain_reduction, omega_reduction : float
-        Largest factor below one that does, 0 where none does, and where [rad/s].
+        Largest factor below one on the loop gain that puts L on -1, 0 if there is none; its frequency [rad/s].
     bandwidth : float
-        Lowest frequency at which |S| reaches 1/sqrt(2) from below [rad/s]; nan where it starts above or never does.
+        Lowest frequency at which |S| rises to 1/sqrt(2) [rad/s]; nan if |S| starts above it or never reaches it.
 
     References
     ----------
@@ -82,12 +82,12 @@ class ClassicalMargins:
 
     @property
     def crossover(self) -> float:
-        """Return the highest frequency at which |L| is one [rad/s]; nan where it never is."""
+        """Highest frequency with |L| = 1 [rad/s]; nan without crossover."""
         return self.crossovers[-1] if self.crossovers else float("nan")
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Return crossover, margins and bandwidth, each with what it means."""
+        """Crossover, margins and bandwidth, each with its meaning."""
         high, low = (20 * np.log10(gain or np.nan) for gain in (self.gain_margin, self.gain_reduction))
         return (
             Fact(
@@ -100,8 +100,8 @@ class ClassicalMargins:
                 "deg",
                 f"customary are {USUAL_PHASE_MARGIN:g} deg or more",
             ),
-            Fact("gain margin", Peak(high, self.omega_gain), "dB", "how far the gain may rise"),
-            Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "how far the gain may fall"),
+            Fact("gain margin", Peak(high, self.omega_gain), "dB", "allowed rise of the gain"),
+            Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "allowed fall of the gain"),
             Fact("bandwidth of S", self.bandwidth / (2 * np.pi), "Hz", "disturbances below it are reduced"),
         )
 
@@ -110,19 +110,21 @@ class ClassicalMargins:
 
 
 def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None) -> ClassicalMargins:
-    """Return the margins of a loop gain: of a system, or known at frequencies dense enough to interpolate between.
+    """Return the classical margins of a loop gain, from a system or from its values on a dense grid.
+
+    Use this for a quick comparison with other tools. A report by `check` contains these margins too (`classical`).
 
     Parameters
     ----------
     omega : (W,) ndarray, or control system
-        Frequencies [rad/s], increasing; or the loop gain L = G K itself, whose frequencies are chosen.
+        Frequencies [rad/s], increasing; or the loop gain L = G K as a system, for which the frequencies are chosen.
     L : (W,) complex ndarray, optional
-        Loop gain at these frequencies; points at which it is not finite are left out.
+        Loop gain at these frequencies; values that are not finite are ignored.
 
     Returns
     -------
     ClassicalMargins
-        By straight lines in log |L| and phase over log frequency.
+        By linear interpolation of log |L| and phase over log frequency.
 
     Raises
     ------
@@ -176,7 +178,7 @@ def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None
 
 
 def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
-    """Return the response of a system of one loop, on frequencies dense around the poles of it and of its loop."""
+    """Return the response of a system with one channel, on a grid dense around its poles and those of its loop."""
     if isinstance(L, control.FrequencyResponseData):
         return _check_loop_gain(np.asarray(L.omega), np.squeeze(np.asarray(L.frdata)))
     system = state_space("L", L)
@@ -189,7 +191,7 @@ def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and loop gain as arrays of one size, or a refusal."""
+    """Return frequencies and loop gain as arrays of one size; refuse others."""
     omega, L = require_real_array("omega", omega, ndim=1), np.asarray(L)
     if L.shape != omega.shape or L.dtype.kind not in "iufc":
         raise ValueError(f"L must be one number a frequency, ({omega.size},), got {L.dtype} of shape {L.shape}")
@@ -199,34 +201,34 @@ def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the zeros of a piecewise straight line."""
+    """Return the zeros of a piecewise linear function."""
     k = np.flatnonzero((y[:-1] < 0) != (y[1:] < 0))
     return np.asarray(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))
 
 
-# ---- Principal gains of a loop of several inputs and outputs: singular values of L, S, T and K S over frequency.
+# ---- Principal gains of a loop with several inputs and outputs: singular values of L, S, T and K S over frequency.
 
 
 @value
 class LoopGains:
-    """Singular values of the transfer functions of a nominal loop, largest first: gains between its directions.
+    """Singular values of the transfer functions of a nominal loop, largest first: gains in its directions.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     L, S, T : (n_y, W) ndarray
-        Of L = G K at the outputs, the sensitivity S = (I + L)^-1 and T = I - S.
+        Of L = G K at the outputs, of the sensitivity S = (I + L)^-1 and of T = I - S.
     K_S : (n, W) ndarray
-        Of K S, from the reference to the inputs of the plant; n the smaller number of channels.
+        Of K S, from the reference to the inputs of the plant; n is the smaller number of channels.
     stable : bool
-        Whether the loop is stable: the gains of one that is not mean nothing but where it turns.
+        Whether the loop is stable; the gains of an unstable loop have no meaning as amplifications.
     band : (2,) ndarray or None
-        Lowest and highest measured frequency [rad/s], where they were given.
+        Lowest and highest measured frequency [rad/s], if given.
 
     References
     ----------
-    SP 3.3 (directions), 9.1 (what is asked of singular values of a loop).
+    SP 3.3 (directions), 9.1 (demands on the singular values of a loop).
 
     Examples
     --------
@@ -248,6 +250,8 @@ class LoopGains:
 def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None) -> LoopGains:
     """Return singular values of the nominal loop u = K (r - y) over frequency.
 
+    Use this for a loop with several channels, where the gain depends on the direction of the signal.
+
     Parameters
     ----------
     G : control.StateSpace, TransferFunction or (n_y, n_u) ndarray
@@ -255,12 +259,12 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
     omega : (W,) ndarray, optional
-        Measured frequencies [rad/s], to be among those that are looked at.
+        Measured frequencies [rad/s], which become part of the grid.
 
     Returns
     -------
     LoopGains
-        On frequencies around every pole of the loop, up to Nyquist where it is sampled.
+        On a grid around every pole of the loop, up to Nyquist for a sampled loop.
 
     Raises
     ------
@@ -276,13 +280,13 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     >>> loop_gains(np.eye(2), np.ones((1, 2)))
     Traceback (most recent call last):
         ...
-    ValueError: K must have 2 inputs and 2 outputs, one an output and an input of the plant, got 2 and 1
+    ValueError: K must have 2 inputs and 2 outputs, one for each output and input of the plant, got 2 and 1
     """
     G, K = multivariable("G", G), multivariable("K", K)
     n_y, n_u = G.noutputs, G.ninputs
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
-            f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
+            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the plant, "
             f"got {K.ninputs} and {K.noutputs}"
         )
     if G.nstates and K.nstates and timebase(K) != timebase(G):
@@ -308,7 +312,7 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     )
 
 
-# ---- A step of the reference through a loop: overshoot, rise and settling time, what the actuator has to give.
+# ---- A step of the reference through a loop: overshoot, rise and settling time, output of the actuator.
 
 _SETTLING_BAND = 0.02  # of the final value
 _MAX_SAMPLES = 60_000  # samples of a sampled loop
@@ -318,7 +322,7 @@ _STEPS_PER_SIZE = 500  # steps before their size doubles
 
 @value
 class StepResponse:
-    """What a loop makes of a step of its reference by one unit.
+    """Response of a loop to a unit step of its reference.
 
     Fields
     ------
@@ -327,17 +331,17 @@ class StepResponse:
     y, u : (n,) or (n_y, n), (n_u, n) ndarray
         Outputs [unit of y] and inputs of the plant [unit of u], per unit of the step.
     final : float
-        Where y goes, from the transfer function; one with an integrator in the loop.
+        Final value of y, from the transfer function; one with an integrator in the loop.
     overshoot : float
-        Largest y above `final`, relative to it; zero where it stays below.
+        Largest y above `final`, relative to `final`; zero if y stays below.
     rise_time : float
-        From 10 to 90 % of `final` [s].
+        Time from 10 to 90 % of `final` [s].
     settling_time : float
-        From when on y stays within 2 % of `final` [s]; nan where it does not within the horizon.
+        Time after which y stays within 2 % of `final` [s]; nan if it does not within the horizon.
     reference : int
-        Of several outputs the one whose reference steps, from 0.
+        For several outputs: the output whose reference steps, from 0.
     worst : StepResponse or None
-        Of a set: with its plant that has the largest |S|; None where a plant of the set makes the loop unstable.
+        For a set: the response with its plant of largest |S|; None if a plant of the set makes the loop unstable.
 
     References
     ----------
@@ -362,7 +366,7 @@ class StepResponse:
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Return final value, rise time, overshoot and settling time."""
+        """Final value, rise time, overshoot and settling time."""
         settled = np.isfinite(self.settling_time)
         return (
             Fact("goes to", self.final),
@@ -388,7 +392,7 @@ def step_of_plant(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step of one reference through the loop of one plant; see `step_response`."""
+    """Simulate a step of one reference through the loop with one plant; see `step_response`."""
     G, K = multivariable("plant", plant), multivariable("K", K)
     delay, j = require_nonnegative("delay", delay), require_integer("reference", reference, least=0)
     n_y = G.noutputs
@@ -402,7 +406,7 @@ def step_of_plant(
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
     if not is_stable(loop):
-        raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
+        raise ValueError("K must stabilise the plant for a step response to exist, got a loop that is not stable")
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
     step = measure_step(t, out[j], u=out[n_y], final=final, cut=duration is None)
@@ -411,7 +415,7 @@ def step_of_plant(
 
 
 def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate a unit step of a stable system of one input until it has settled: times [s] and (outputs, n)."""
+    """Simulate a unit step of a stable system with one input until it has settled: times [s] and (outputs, n)."""
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
     s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
@@ -427,7 +431,7 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
 def _simulate_in_growing_steps(
     system: control.StateSpace, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate a step of a continuous loop exactly, in steps that double: a fast rise and a slow tail are both seen."""
+    """Simulate a step of a continuous loop exactly, in growing steps that resolve a fast rise and a slow tail."""
     t, x = [np.zeros(1)], [np.zeros((system.nstates, 1))]
     while t[-1][-1] < horizon:
         n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, _STEPS_PER_SIZE)) + 1
@@ -439,7 +443,7 @@ def _simulate_in_growing_steps(
 
 
 def _propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
-    """Return the states (states, n) of x+ = A x + B from x on, by doubling: m steps on it is A^m x and a constant."""
+    """Return the states (states, n) of x+ = A x + B from x on, by doubling: x after m steps is A^m x + constant."""
     found, constant_part = x[:, None], B
     while found.shape[1] < n:
         found = np.hstack([found, A @ found + constant_part])
@@ -448,7 +452,7 @@ def _propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np
 
 
 def measure_step(t: np.ndarray, y: np.ndarray, *, u: np.ndarray, final: float, cut: bool) -> StepResponse:
-    """Measure overshoot, rise and settling time of a simulated step; cut: leave out what lies long after it settled."""
+    """Measure overshoot, rise and settling time of a simulated step; `cut` removes the end, long after settling."""
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)
     out = np.flatnonzero(np.abs(relative - 1) > _SETTLING_BAND)

@@ -1,4 +1,4 @@
-"""How far the uncertainty of a system may grow until its gain reaches a level."""
+"""The factor on the uncertainty of a system at which its gain reaches a level."""
 
 from __future__ import annotations
 
@@ -12,41 +12,13 @@ from robust.mu.skewed import skewed_margin
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-_GAP = 0.05  # relative distance of what is proved and what was found, to which the box of real parameters is cut
+_GAP = 0.05  # relative distance of the proved and the found factor at which the subdivision of the parameter box stops
 
 
 @value
 class _RobustGain:
-    """Between which factors on all perturbations the gain of a system reaches a level.
+    """Bounds of the factor on all perturbations at which the gain of a system reaches a level (skewed mu, SP 8.10.3).
 
-    Fields
-    ------
-    level : float
-        The gain.
-    proved : float
-        Factor up to which the gain stays below the level, at every frequency and for every perturbation; 0: none is
-        proved.
-    broken : float
-        Factor at which a perturbation that was found brings it to the level, or makes the loop unstable; inf where none
-        was found.
-    worst : dict of str to float
-        That perturbation: of each real block its number, of the others their largest singular value, in units of the
-        size of the block. Empty where none was found.
-    omega : float
-        Where the gain reaches the level [rad/s].
-    delta : (drives, reads) ndarray
-        The same perturbation as one matrix.
-    certificates : tuple of Certificate
-        The proof, on each part into which the box of real parameters was cut.
-    reason : str
-        Why broken is more than 5 % above proved; empty where it is not.
-
-    References
-    ----------
-    SP 8.10.3 (skewed mu).
-
-    Examples
-    --------
     >>> lag = control.ss([[-5.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["pole", "d"], outputs="y")
     >>> from robust.models import Block, interconnection
     >>> system = interconnection([lag], {"pole": Block("y", "pole", kind="real")}, inputs="d", outputs="y")
@@ -54,14 +26,15 @@ class _RobustGain:
     the gain stays below 0.5 up to 2.99 times the uncertainty, and reaches it at 3 times: pole 3 at 0 Hz
     """
 
-    level: float
-    proved: float
-    broken: float
+    level: float  # the gain
+    proved: float  # the gain stays below the level up to this factor, at every frequency; 0 if nothing is proved
+    broken: float  # at this factor a perturbation brings the gain to the level or makes the loop unstable; inf: none
+    # that perturbation: value of each real block, largest singular value of the others, over the size of the block
     worst: dict[str, float]
-    omega: float
-    delta: np.ndarray
-    certificates: tuple[Certificate, ...]
-    reason: str
+    omega: float  # frequency at which the gain reaches the level [rad/s]
+    delta: np.ndarray  # (drives, reads) the same perturbation as one matrix
+    certificates: tuple[Certificate, ...]  # the proof for each part of the box of real parameters
+    reason: str  # why broken is more than 5 % above proved; else empty
 
     def __str__(self) -> str:
         text = f"the gain stays below {self.level:.4g} up to {self.proved:.4g} times the uncertainty"
@@ -72,26 +45,28 @@ class _RobustGain:
 
 
 def robgain(system: UncertainSystem, level: float) -> _RobustGain:
-    """Find how far the uncertainty may grow until the gain from inputs to outputs reaches a level.
+    """Find the factor on the uncertainty at which the gain from inputs to outputs reaches a level.
+
+    Use this for the reserve of a design: a factor of 2 means that twice the uncertainty still meets the level.
 
     Parameters
     ----------
     system : UncertainSystem
-        With a performance: of `interconnection`, or `UncertaintyModel.loop` with a weight.
+        A system with a performance channel: from `interconnection`, or from `UncertaintyModel.loop` with a weight.
     level : float
-        Gain that is to stay below.
+        Upper limit of the gain.
 
     Returns
     -------
     RobustGain
-        Factors on the sizes of all blocks together. The gain is proved to stay below the level at every frequency, by
-        what `robust.analysis.check_structure` proves with. Both factors are 0 where the gain without perturbations
-        reaches the level.
+        `proved` and `broken`: factors on the sizes of all blocks together. Up to `proved` the gain is proved to stay
+        below the level at every frequency, with the methods of `check_structure`. At `broken` the perturbation `worst`
+        brings the gain to the level at `omega`. Both are 0 if the gain without perturbations reaches the level.
 
     Raises
     ------
     ValueError
-        A system without a performance, a level that is not positive.
+        A system without a performance channel, a level that is not positive.
 
     References
     ----------
@@ -99,7 +74,7 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
 
     Examples
     --------
-    s^2 + (1 + d) s + 1 with half of its damping left has a gain of 1/(0.5 sqrt(1 - 1/16)):
+    s^2 + (1 + d) s + 1 with half of its damping has a gain of 1/(0.5 sqrt(1 - 1/16)):
 
     >>> from robust.models import Block, interconnection
     >>> mode = control.ss(
@@ -110,9 +85,9 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
     ({'damping': -0.5}, True)
     """
     if not isinstance(system, UncertainSystem):
-        raise ValueError(f"system must be an UncertainSystem, as interconnection makes it, got {short_form(system)}")
+        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}")
     if not system.inputs:
-        raise ValueError("system must have inputs and outputs for its gain, got one without")
+        raise ValueError("system must have inputs and outputs for its gain, got none: give them to interconnection()")
     level = require_positive("level", level)
     nominal, N = decide_stability(system.N), system.N
     rows = system.loop.noutputs

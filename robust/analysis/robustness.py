@@ -1,4 +1,4 @@
-"""The controller check: nominal stability, then what the whole set does to it, then what of that is proved.
+"""The controller check: stability of the nominal loop, then the effect of the whole set, then the proofs.
 
                       w Delta
                     +---------+           multiplicative: reads u, acts at p_in    G (1 + w Delta)
@@ -9,7 +9,7 @@
           -^                                 |
            +---------------------------------+    u = K (r - y),  S = 1/(1 + G K),  T = 1 - S
 
-A controller that runs sampled is checked sampled: hold and computation delay go into G first.
+A sampled controller is checked in a sampled loop: hold and computation delay are first included in G.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
 from robust.proofs.search.programs import SOLVERS
 
-#: What one check looks at.
+#: A loop that `check` can judge.
 AnyLoop: TypeAlias = Loop | LoopOfChannels | LoopOnLines | MatrixLoopOnLines
-_LARGEST_PEAK = 4.0  # of |S|: a larger one is poor robustness, whatever a demand allows (SP 2.4.3)
+_LARGEST_PEAK = 4.0  # of |S|: above it, robustness is poor whatever a demand allows (SP 2.4.3)
 
 
 @keep_warnings
@@ -66,41 +66,44 @@ def check(
     n_unstable: int = 0,
     signals: LoopSignals | None = None,
 ) -> RobustnessReport:
-    """Check a controller against a model with uncertainty, and say what was proved.
+    """Check a controller against a model with uncertainty, and prove what can be proved.
+
+    Use this after every design, and for a controller that you have already. The report contains the verdict, the
+    margins over the whole set, and the proofs. `check_structure` takes several uncertainties at once.
 
     Parameters
     ----------
     model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
-        The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only,
-        and so is the result. An FRF of several channels has no set around it.
+        The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only;
+        the result then holds on these lines only. An FRF with several channels has no set around it.
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the normal case: the
-        nominal is discretised with zero-order hold and delay included, and the set acts at every alias: what folds
-        down from above the Nyquist frequency is part of verdict, margin and certificate. Of several channels it is part
-        of the sampled set that is checked, whose weights cover it on a grid.
+        nominal is discretised with zero-order hold and delay, and the set acts at every alias. So the aliases of
+        frequencies above Nyquist are part of verdict, margin and certificate. For several channels they are part of
+        the sampled set that is checked; its weights cover them on a grid.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight: |w_P S_p| <= 1 is asked of every plant of the set. The largest |S| that it allows, 1/|w_P|,
-        is the peak above which thin margins are warned of, where it is 4 at most; else the peak is 2.
+        Performance weight: the demand is |w_P S_p| <= 1 for every plant of the set. The largest |S| that it allows,
+        max 1/|w_P|, is the limit above which thin margins are reported, if it is 4 at most; else the limit is 2.
     delay : float
-        Computation delay [s] on top of what the model contains.
+        Computation delay [s] in addition to the delay of the model.
     certify : bool
-        Prove the result over all frequencies; without it nothing better than "not certified" comes out.
+        Prove the result over all frequencies. Without a proof the best verdict is "not certified".
     proof : str
-        How one loop is proved: "exact" (polynomials in exact arithmetic), "lmi" (a matrix P and a scaling from cvxpy,
-        verified over the rationals, which leaves aliases and delays of continuous loops open), or "both", where what
-        either proves is proved. Several channels are proved by P and a scaling, whatever is asked for.
+        Method of proof for one channel: "exact" (polynomials in exact arithmetic), "lmi" (a matrix P and a scaling
+        from cvxpy, verified over the rationals; it leaves aliases and delays of continuous loops open), or "both",
+        for which one proof by either method is enough. Several channels are always proved by P and a scaling.
     solver : str, optional
-        "CLARABEL" or "SCS", for P and the scaling. When not given one loop takes CLARABEL, several channels both.
+        "CLARABEL" or "SCS", for P and the scaling. Default: CLARABEL for one channel, both for several channels.
     n_unstable : int
-        Unstable open-loop poles of an FRF, for the winding number.
+        Number of unstable open-loop poles of an FRF, for the winding number.
     signals : LoopSignals, optional
-        Reference, disturbance and noise, from which the report predicts the level at which the loop moves the machine,
-        as `predict_level` does; of an UncertaintyModel with a parametric nominal.
+        Reference, disturbance and noise. The report then contains the level at which the loop moves the machine, as
+        `predict_level` gives it. This needs an UncertaintyModel with a parametric nominal.
 
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error. Of several channels by `check_structure`.
+        A bad controller is a result, not an error. For several channels the result is that of `check_structure`.
 
     Raises
     ------
@@ -148,7 +151,7 @@ def check(
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
     """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one.
 
-    It is the limit of a warning: a grid around the modes of 1/w_P, and infinite frequency, are enough.
+    The result only limits a warning, so a grid around the modes of 1/w_P and infinite frequency are enough.
     """
     W = None if w_P is None else multivariable("w_P", w_P)
     if W is None or not W.issiso() or W.D[0, 0] == 0:
@@ -166,7 +169,7 @@ def _assemble(
     delay: float,
     n_unstable: int,
 ) -> AnyLoop:
-    """Return the loop of a model and a controller, or refuse what does not fit together."""
+    """Return the loop of a model and a controller; refuse parts that do not fit together."""
     if has_several_channels(model):
         return LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
     if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (1, 1):
@@ -184,7 +187,7 @@ def _assemble(
 
 
 def _judge(loop: AnyLoop, effort: Effort) -> Findings:
-    """Return what the judge of a loop finds: on the lines of an FRF, by mu, or in exact arithmetic."""
+    """Return the findings for a loop: on the lines of an FRF, by mu, or in exact arithmetic."""
     if isinstance(loop, MatrixLoopOnLines):
         return judge_matrix_lines(loop)
     if isinstance(loop, LoopOnLines):
@@ -199,30 +202,32 @@ def check_structure(
     gap: float | None = None,
     solver: str | None = None,
 ) -> RobustnessReport:
-    """Check a loop with several uncertainties by the structured singular value, and say what was proved.
+    """Check a loop with several uncertainties by the structured singular value, and prove what can be proved.
+
+    Use this if uncertainties act at several places, or if parameters are uncertain: `interconnection` makes the system.
 
     Parameters
     ----------
     system : UncertainSystem
         From `interconnection`.
     certify : bool
-        Prove the result at all frequencies; without it nothing better than "not certified" comes out.
+        Prove the result at all frequencies. Without a proof the best verdict is "not certified".
     gap : float, optional
-        With real parameters: relative distance between margin_rs and margin_broken, for which their box is cut up part
-        by part (`parameter_margin`). When not given it is cut up, to 5 %, only where the verdict is still open.
+        For real parameters: relative distance between margins.rs and margins.broken down to which their box is
+        subdivided (`parameter_margin`). Default: down to 5 %, and only if the verdict is still open.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling; one after the other when not given.
+        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling. Default: one after the other.
 
     Returns
     -------
     RobustnessReport
-        A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
-        every frequency (Shamma 1994), and only that is accepted as a proof.
+        A bad loop is a result, not an error. If one block is an "operator", only a proof with the same scalings at
+        every frequency is accepted (Shamma 1994).
 
     Raises
     ------
     ValueError
-        Anything that is not an UncertainSystem.
+        An argument that is not an UncertainSystem, or a system without blocks.
 
     References
     ----------

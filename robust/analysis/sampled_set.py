@@ -1,21 +1,22 @@
-r"""The sampled set that contains a set of continuous plants of several channels, every alias included.
+r"""A sampled set that contains a set of continuous plants with several channels, every alias included.
 
-Behind hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a perturbation at each alias.
-An LTI Delta is free at every frequency by itself, so the sum of its parts lies in a set of the sampled plant:
+After hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a perturbation at each alias.
+An LTI Delta is independent at each frequency, so the sum of its parts lies in a set around the sampled plant:
 
     elements  sum_k h_k w_ji Delta_ji       a disc of radius sum_k |h_k w_ji|, exactly
     additive  sum_k h_k W_l Delta_k W_r     M_k = W_l(omega_k)
     input     sum_k h_k G_k W_l Delta_k W_r M_k = G_k W_l(omega_k)
 
-For the two blocks, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <= 1,
+For additive and input, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <= 1,
 
     C = sum_k |h_k| M_k M_k^H / m_k,      R_i^2 = sum_k |h_k| m_k |w_r,i(omega_k)|^2,
 
-as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). C goes into diagonal weights as a
-measured covariance does. Aliases near the band are taken one by one, what lies beyond is bounded as in `aliases`.
+because the row of left factors and the column of right factors are contractions (Cauchy-Schwarz). C is covered by
+diagonal weights like a measured covariance. Aliases near the band are summed one by one; the others are bounded as in
+`aliases`.
 
-The weights of the sampled set are fitted over these radii on a grid and then raised by `_COVERED`, so that they can be
-proved to cover every alias at all frequencies (`robust.proofs.exact.folded_sets`): `certify_aliases` does.
+The weights of the sampled set are fitted to these radii on a grid and then raised by `_COVERED`, so that
+`certify_aliases` can prove that they cover every alias at all frequencies (`robust.proofs.exact.folded_sets`).
 """
 
 from __future__ import annotations
@@ -45,45 +46,33 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-_WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
+_WEIGHT_ORDER = 6  # order of a weight of the sampled set: two more than the default for a measured one
 _COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
-_BLOCKS = 1.06  # factor on what the aliases in blocks add, which the proof knows to a twentieth
-_FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
-_GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins
+_BLOCKS = 1.06  # factor on the sum of the aliases in blocks, which the proof bounds to 5 % only
+_FLAT_RATIO = 1.06  # largest over smallest radius below which a weight is a number
+_GRID_START_RATIO = 1e-3  # start of the grid over the lowest line
 
 
 @value
 class SampledSet:
-    """Hold a set of sampled plants that contains a set of continuous ones.
+    """A set of sampled plants that contains a set of continuous plants."""
 
-    Fields
-    ------
-    model : UncertaintyModel
-        The sampled set, of the form of the continuous one.
-    omega : (W,) ndarray
-        The grid on which its weights cover the radii [rad/s].
-    own_share : (W,) ndarray
-        Part of the radius that the frequency itself makes, the rest is from its aliases.
-    claim : FoldedClaim
-        That it contains the continuous set.
-    """
-
-    model: UncertaintyModel
-    omega: np.ndarray
-    own_share: np.ndarray
-    claim: FoldedClaim
+    model: UncertaintyModel  # the sampled set, in the form of the continuous one
+    omega: np.ndarray  # (W,) grid on which its weights cover the radii [rad/s]
+    own_share: np.ndarray  # (W,) part of the radius from the frequency itself; the rest is from its aliases
+    claim: FoldedClaim  # the claim that it contains the continuous set
 
     def describe(self, *, proved: bool) -> str:
-        """Describe how the aliases were treated and how much they add."""
+        """Describe the treatment of the aliases and the largest part of them."""
         k = int(np.argmin(self.own_share))
-        how = "is proved" if proved else f"was computed on {self.omega.size} frequencies in floating point"
+        how = "which is proved" if proved else f"as computed on {self.omega.size} frequencies in floating point"
         return (
-            f"every alias is in the weights of the sampled set, which {how}; what folds down is at most "
-            f"{100 * (1 - self.own_share[k]):.2g} %, at {format_hertz(self.omega[k])}"
+            f"the weights of the sampled set cover every alias, {how}; the aliases are at most "
+            f"{100 * (1 - self.own_share[k]):.2g} % of the radius, at {format_hertz(self.omega[k])}"
         )
 
     def certify_aliases(self) -> Certificate:
-        """Return the proof that it contains the continuous set, every alias included."""
+        """Return the proof that this set contains the continuous set, every alias included."""
         found = verify_folded(self.claim)
         if not found.verified:
             return failed_certificate(ALIASES, 1.0, found.failed[0][1])
@@ -102,9 +91,9 @@ class SampledSet:
 def set_on_controller_time_base(
     model: UncertaintyModel, K: Controller, delay: float
 ) -> tuple[UncertaintyModel, SampledSet | None]:
-    """Return the set of several channels on the time base of its controller, and how it was folded into it.
+    """Return the set on the time base of its controller, and the sampled set that contains it if it was folded.
 
-    A continuous set under a sampled controller is folded; another one is as it is, with its delay in the nominal.
+    A continuous set under a sampled controller is folded. Any other set is returned as it is.
     """
     K = multivariable("K", K)
     if timebase(K) and not timebase(model.nominal):
@@ -113,24 +102,24 @@ def set_on_controller_time_base(
         found = sampled_set(model, timebase(K), require_nonnegative("delay", delay))
         return found.model, found
     if delay:
-        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
+        raise ValueError(
+            f"delay must be in the nominal for several channels, got {delay:g} s in addition: use sampled(nominal, dt, "
+            "delay)"
+        )
     return model, None
 
 
 def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> SampledSet:
-    """Return the sampled set that a controller of sampling time dt [s] sees of a continuous set of several channels.
+    """Return the sampled set that a controller with sampling time dt [s] sees of a continuous set.
 
-    Raises
-    ------
-    ValueError
-        A perturbation that is any operator, or that reaches the sampler unfiltered, so that the sum has no bound. A set
-        of one input and one output, whose aliases `check` takes as they are.
+    The set has several channels. Refused are operators, and perturbations that reach the sampler unfiltered, because
+    the sum over their aliases is unbounded.
     """
-    require_several_channels(model, "be folded into a sampled set", "check takes each of its aliases as it is")
+    require_several_channels(model, "be folded into a sampled set", "use check, which includes its aliases")
     require_record_form(model, "to be folded into a sampled set, or a sampled nominal")
     if model.perturbation == "operator":
         raise ValueError(
-            "model must have a sampled nominal for operators of several channels under a sampled K: take "
+            "model must have a sampled nominal for operators with several channels under a sampled K: use "
             "fit_nominal(..., dt=)"
         )
     nominal = sampled(model.nominal, dt, delay)
@@ -139,13 +128,13 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
     if not np.isfinite(tails).all():
         raise ValueError(
             f"model must filter its perturbation before the sampler: above the Nyquist frequency the {model.form} "
-            'weights do not fall off, and what folds down has no bound. Take form="input", or a sampled nominal '
+            'weights do not fall off, and the sum of the aliases is unbounded. Use form="input", or a sampled nominal '
             "(fit_nominal(..., dt=))"
         )
     left, right, share = _folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
     weights = tuple(_fit_sampled_weight(omega, row, dt) * _COVERED for row in rows)
-    # on the grid, as that is where they cover: what was measured is of the continuous set
+    # on the grid, because the weights cover there; the measured lines belong to the continuous set
     made = replace(
         model,
         nominal=nominal,
@@ -162,7 +151,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
 
 
 def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
-    """Return the claim that a sampled set contains a continuous one; each element is a block of its own."""
+    """Return the claim that a sampled set contains a continuous one; each element is its own block."""
     left, right, V_left, V_right = (
         tuple(map(to_matrices, weights)) for weights in (model.left, model.right, made.left, made.right)
     )
@@ -186,7 +175,7 @@ def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClai
 
 
 def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
-    """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance, those that fold down too."""
+    """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance and every aliased resonance."""
     top, step = np.pi / dt, 2 * np.pi / dt
     modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
     folded = np.abs((modes.imag + top) % step - top)
@@ -198,9 +187,10 @@ def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: floa
 
 
 def _alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the aliases (k,) summed one by one, 0 first, and bounds of the sums beyond, without |sin(omega T/2)|.
+    """Return the aliases (k,) summed one by one, 0 first, and bounds of the other sums, without |sin(omega T/2)|.
 
-    Bounds of sum |h_k w| of every weight of elements, else of every |G_ji w_i| of M_k = G W_l, or |w_j| of W_l.
+    For elements these are bounds of sum |h_k w| for every weight; else of every |G_ji w_i| in M_k = G W_l, or |w_j| in
+    W_l.
     """
     through, none = model.form not in (ELEMENTS, ADDITIVE), control.StateSpace([], [], [], [[0.0]], 0)
     of = partial(Aliases, dt=dt, delay=0.0, inverse=False, operator=False, F_includes_plant=through)
@@ -250,7 +240,7 @@ def _folded_radii(
         M = inverse[:, None] @ M
     m = np.linalg.norm(M, 2, axis=(2, 3))
     size = np.linalg.norm(inverse, 2, axis=(1, 2))
-    beyond = _BLOCKS * float(tails.sum()) * sine  # of |G W|, by its entries
+    beyond = _BLOCKS * float(tails.sum()) * sine  # bound of |G W| by its entries
     C = np.einsum("wk,wkji,wkli->wjl", hold / np.maximum(m, 1e-300), M, M.conj())
     C = C + (beyond / size)[:, None, None] * (inverse @ np.swapaxes(inverse, 1, 2).conj())
     beyond = beyond * size
@@ -258,13 +248,13 @@ def _folded_radii(
         [response(weight, np.geomspace(flat.max() / 10, flat.max() * 1e4, 400)) for weight in model.right]
     )
     R = np.sqrt((hold * m * right**2).sum(axis=2) + beyond * (np.abs(highest).max(axis=1) ** 2)[:, None])
-    scale = np.sqrt(np.mean(R**2, axis=0))  # what stands left and what right is a matter of scale
+    scale = np.sqrt(np.mean(R**2, axis=0))  # only the product of left and right matters
     share = hold[:, 0] * m[:, 0] / ((hold * m).sum(axis=1) + beyond)
     return diagonal_bound(C) * scale, R / scale, share
 
 
 def _fit_sampled_weight(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
-    """Fit a sampled weight over a radius: a number where that is flat."""
+    """Fit a sampled weight to a radius; a flat radius gives a number."""
     if radius.max() < _FLAT_RATIO * radius.min():
         return control.StateSpace([], [], [], [[radius.max()]], dt)
     return fit_weight(omega, radius, order=_WEIGHT_ORDER, dt=dt).W

@@ -1,4 +1,4 @@
-"""Every sentence of a report: why, what limits it, what helps, what was proved and what it is subject to."""
+"""Every sentence of a report: reason, limit, remedy, proofs and conditions."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ _REMEDIES = {
     "or compare orders for it (robust orders --bandwidth)",
     "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
     "systematic": "the allowance for the systematic part: measure at a second level",
-    "weight": "the weight lies far above the radius: fit one of a higher order",
-    "assumed": "what is assumed where nothing was measured: measure there",
+    "weight": "the weight lies far above the radius: fit a weight of a higher order",
+    "assumed": "the assumption outside the measured band: measure there",
 }
-#: How far |T| may be from one where a lower bandwidth leaves it at that, and what is said there.
+#: Distance of |T| from one below which a lower bandwidth does not help, and the advice for that case.
 _NEAR_ONE = 0.1
 _ODD_WHERE_T_IS_ONE = (
-    "Odd distortion, where |T| is near one: a lower bandwidth leaves it there. Identify at the level of the loop, or "
-    "at another one; take more realisations, or a better fit; more periods will not help."
+    "Odd distortion at a frequency where |T| is near one, so a lower bandwidth does not reduce it. Identify at the "
+    "level of the loop or at another level, take more realisations, or improve the fit. More periods do not help."
 )
-#: What a verdict on a set around a sampled nominal does not cover.
+#: Not covered by a verdict on a set around a sampled nominal.
 _NONLINEAR_PLANT = (
     "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
 )
-SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
-#: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
+SAMPLES_ONLY = "; the set contains sampled plants, so nothing is proved between the samples"
+#: Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
-_USUAL_JOINT = 0.94, 0.99  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+_USUAL_JOINT = 0.94, 0.99  # probability of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
 _NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
-#: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
+#: Weight over radius, 2 dB and 6 dB: mentioned above the first, the first remedy above the second.
 _MENTIONED_EXCESS, _DECISIVE_EXCESS = 1.26, 2.0
 
 
@@ -71,34 +71,34 @@ def advise_on_margin(
 ) -> str:
     """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
 
-    `weight` is the response of the weight; `folding` what rs is made of, where it is known; `T` is |T| there.
+    `weight` is the response of the weight; `folding` contains the parts of rs, if known; `T` is |T| at `omega_rs`.
     """
     if not np.isfinite(omega_rs):
         return ""
     seen_at = format_hertz(omega_rs)
     if folding is not None and folding.omega_source != folding.omega:
-        seen_at += f" by what folds down from {format_hertz(folding.omega_source)}"
+        seen_at += f" through its alias at {format_hertz(folding.omega_source)}"
         omega_rs = folding.omega_source
     low, high = float(model.omega[0]), float(model.omega[-1])
     outside = not low * 0.999 <= omega_rs <= high * 1.001
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
     shares = model.radius_shares(k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
-    where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
+    where = f"where the radius consists of {listed}" if shares else "where the parts of the radius are unknown"
     on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
     over, rise = on_line / float(model.radius[k]), 1.0
     if outside:
         side, edge = ("below", "first") if omega_rs < low else ("above", "last")
         rise = there / on_line
         where = (
-            f"{side} the measured band, where nothing was measured: the radius is assumed "
-            f"({model.origin.extrapolation}) to go on from the {edge} line, {format_hertz(model.omega[k])}, "
+            f"{side} the measured band. The radius there is extrapolated "
+            f"({model.origin.extrapolation}) from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
     sentences = [f"The margin is limited at {seen_at}, {where}."]
     if rise > _MENTIONED_EXCESS:
-        sentences.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
+        sentences.append(f"The extrapolation makes the radius {rise:.3g} times as large there.")
     if over > _MENTIONED_EXCESS:
-        sentences.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
+        sentences.append(f"The weight is {20 * np.log10(over):.1f} dB above the radius there.")
     if rise > _DECISIVE_EXCESS or (outside and not shares):
         cause = "assumed"
     elif over > _DECISIVE_EXCESS:
@@ -107,19 +107,19 @@ def advise_on_margin(
         cause = shares[0][1] if shares else ""
     if cause == "weight" and model.weight.nstates >= MAX_CHOSEN_ORDER:
         sentences.append(
-            f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow: lower it by "
-            "more periods or realisations."
+            f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow. Lower the "
+            "peak by more periods or realisations."
         )
     elif cause == "odd" and abs(T - 1) < _NEAR_ONE:
         sentences.append(_ODD_WHERE_T_IS_ONE)
     elif cause:
         sentences.append(f"{_REMEDIES[cause][0].upper()}{_REMEDIES[cause][1:]}.")
-        sentences += ["Or measure there."] * (outside and cause != "assumed")
+        sentences += ["Or measure at that frequency."] * (outside and cause != "assumed")
     return " ".join(sentences)
 
 
 def advise_on_weight(loop: Loop, margins: Margins) -> str:
-    """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
+    """Advise a better weight if the radius passes on every measured line and the weight does not; else empty."""
     model = loop.model
     omega = model.omega[model.omega < loop.omega_max]
     if margins.largest_rs < 1 or FORMS[model.form].depends_on_units or not omega.size:
@@ -129,23 +129,22 @@ def advise_on_weight(loop: Loop, margins: Margins) -> str:
     there, on_line = np.abs(loop.responders["w"](np.array([margins.omega_rs])))[0], np.abs(curves.w[nearest])
     if (
         on_line < _MENTIONED_EXCESS * model.radius[nearest] or there > _MENTIONED_EXCESS * on_line
-    ):  # what is assumed outside the band, then
+    ):  # the limit is the assumption outside the band
         return ""
     on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
     if not on_lines < 1:
         return ""
     order = model.weight.nstates + 2
-    text = f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not: "
+    text = f" On the measured lines the radius passes: rs is at most {on_lines:.3g}. The weight does not pass: "
     if model.weight.nstates >= MAX_CHOSEN_ORDER:
-        return f"{text}one of order {model.weight.nstates} does not follow the peak of the radius there."
+        return f"{text}a weight of order {model.weight.nstates} does not follow the peak of the radius there."
     return (
-        f"{text}it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"{text}it lies above the radius. Fit a weight of a higher order: robust model ... --order {order}, or "
         f"uncertainty(..., order={order})."
     )
 
 
 def _describe_set(model: UncertaintyModel) -> str:
-    """Describe the set."""
     if model.perturbation == "LTI":
         return f"every stable LTI perturbation inside the {model.form} weight"
     if model.perturbation == "operator":
@@ -154,11 +153,11 @@ def _describe_set(model: UncertaintyModel) -> str:
 
 
 def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> tuple[str, ...]:
-    """Describe the confidence of a set, then its joint probability; nothing where none is claimed."""
+    """Describe the confidence of a set, then its joint probability; empty if none is claimed."""
     if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
         return ()
     confidence, joint = model.confidence, model.joint.frf
-    if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
+    if model.alternative_form is not None:  # both sets have to contain the truth: their error probabilities add up
         confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint.frf - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else format_probability(joint)
@@ -173,19 +172,23 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
 
 
 def _compare_joint(joint: float) -> str:
-    """Return how a probability of a whole FRF compares to those of other plants, and what raises a low one."""
+    """Compare the probability of a whole FRF with the usual one, and advise if it is low."""
     low, high = _USUAL_JOINT
     if joint < low:
-        return f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) has more"
+        return (
+            f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) reaches more"
+        )
     return f" (usual: {100 * low:g} to {100 * high:g} %)"
 
 
 def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
-    """Return what was proved of one loop and what was not, one sentence each."""
+    """Return one sentence on what was proved for one channel, and one on what was not."""
     model, missing = loop.model, []
     if model.perturbation == "statistical":
-        missing += [_NONLINEAR_PLANT] + ["more than the confidence of the set"] * bool(describe_confidence(model))
-    assumed = "anything about the plant outside the measured band beyond the assumption on the weight there ({})"
+        missing += [_NONLINEAR_PLANT] + ["that the set contains the plant, beyond its confidence"] * bool(
+            describe_confidence(model)
+        )
+    assumed = "the behaviour outside the measured band, where the radius is assumed ({})"
     return _join_proof_sentences(
         _describe_set(model),
         proofs,
@@ -197,7 +200,7 @@ def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
 
 
 def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded: bool) -> tuple[str, str]:
-    """Return what was proved of several uncertainties and what was not; `folded` where every alias is in the set."""
+    """Return what was proved for several uncertainties and what was not; `folded` if the set contains every alias."""
     words = {
         "real": "every constant value of {}",
         "LTI": "every stable linear {}",
@@ -219,19 +222,19 @@ def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded
 def _join_proof_sentences(
     perturbations: str, proofs: Proofs, *, missing: list[str], demand: bool, dt: float, folded: bool
 ) -> tuple[str, str]:
-    """Return what was proved with these perturbations, and what was not besides what is missing."""
+    """Return what was proved with these perturbations, and what was not; `missing` begins the second sentence."""
     if not proofs.robustly_stable:
-        return "Only that the nominal loop is stable.", "Anything about the set around it."
+        return "Stability of the nominal loop only.", "Anything about the set around it."
     where = "at all frequencies"
     if dt:
-        seen = "with everything that folds down from above" if folded else "of the samples"
+        seen = "all aliases from above included" if folded else "for the samples only"
         where += f" up to Nyquist ({0.5 / dt:.4g} Hz), {seen}"
     if demand and not proofs.robust_performance:
         missing = [*missing, "the performance demand for the whole set"]
     if dt and not folded:
         missing = [
             *missing,
-            "perturbations of a continuous plant between the samples: the set is one of sampled plants",
+            "perturbations of a continuous plant between the samples: the set contains sampled plants",
         ]
     what = "Stability and the performance demand" if proofs.robust_performance else "Stability"
     text = "; ".join(missing or ["anything outside the set"])
@@ -239,51 +242,52 @@ def _join_proof_sentences(
 
 
 def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Describe the parts of the largest rs: at the frequency and at its aliases, measured and assumed."""
+    """Describe the parts of the largest rs: at its frequency and at the aliases, measured and assumed."""
     if not found.is_bounded:
-        return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
+        return "the sum over the aliases is unbounded, because nothing filters the perturbation before the sampler"
     other = (
-        "what the perturbation may move to other frequencies"
+        "power that the perturbation moves to other frequencies"
         if model.perturbation == "operator"
-        else "what folds down from the aliases"
+        else "the sum of the aliases"
     )
     rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
     if found.total - found.without_aliases < _NEGLIGIBLE_SHARE * found.total:
         text = f"{other} adds less than {100 * _NEGLIGIBLE_SHARE:g} % to {rs}"
     else:
-        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest is {other}"
+        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest comes from {other}"
         if found.omega_source != found.omega:
             text += f", most of it from {format_hertz(found.omega_source)}"
     if found.total - found.in_band < _NEGLIGIBLE_SHARE * found.total:
-        return f"{text}; nearly all of it comes from measured lines"
-    return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
+        return f"{text}; nearly all of rs comes from measured lines"
+    return f"{text}; the measured band alone gives {found.in_band:.3f}, the rest is assumed"
 
 
 def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Return why the aliases keep a loop from being certified, and what helps."""
+    """Explain why the aliases prevent a certificate, and advise a remedy."""
     if not found.is_bounded:
         return (
-            "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
-            "and what folds down has no bound. A multiplicative set falls off with the plant. Or roll this weight off "
-            "there, as the guide on aliases shows, or put the anti-alias filter into the nominal"
+            "the perturbation reaches the sampler unfiltered: it does not fall off above the Nyquist frequency, and "
+            "the sum of its aliases is unbounded. Use a multiplicative set, which falls off with the plant. Or roll "
+            "the weight off above Nyquist (guide on aliases), or put the anti-alias filter into the nominal"
         )
     if FORMS[model.form].inverse and model.perturbation != "operator" and found.F_max >= 1:
         return (
-            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
-            "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
+            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency. From one on, the set "
+            "contains plants of any gain there, and these alias. Keep the weight below one there, or use a "
+            "multiplicative form"
         )
     other = (
-        "moves to other frequencies"
+        "power that the perturbation moves to other frequencies"
         if model.perturbation == "operator"
-        else "does above the Nyquist frequency, which folds down,"
+        else "aliases of the perturbation above the Nyquist frequency"
     )
-    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
+    text = f"with the {other}, rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
     text += f"({found.without_aliases:.4g} without)"
     if found.omega_source != found.omega:
         text += f", most of it from {format_hertz(found.omega_source)}"
     helps = "Sample faster, or filter before the sampler"
     if found.in_band < 1:
-        helps += f"; above the last line, {format_hertz(model.omega[-1])}, it is assumed: measure there"
+        helps += f"; the radius is assumed above the last line, {format_hertz(model.omega[-1])}: measure there"
     return f"{text}. {helps}"
 
 
@@ -301,20 +305,20 @@ def describe_loop(loop: Loop) -> str:
     )
 
 
-#: Texts of a report on a loop whose nominal is not stable.
-UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before."
+#: Texts of a report on a loop without a stable nominal loop.
+UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; the set is judged only then."
 NOTHING_PROVED = "Nothing."
 NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
 ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias between the frequencies of a grid"
 NO_MU = "Everything: mu means nothing for a loop that is not stable."
 #: Texts of a report on a plant that is known on its lines only.
-LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies."
+LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty); the check can then be proved at all frequencies."
 LINES_PROVED = "Nothing; computed on the measured lines only."
 LINES_NOT_PROVED = "Anything between and outside the measured lines."
 
 
 def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool) -> str:
-    """Return the reason of a verdict that the lines of an FRF decide; peak is the largest rs."""
+    """Explain a verdict that is based on the lines of an FRF; `peak` is the largest rs."""
     lines_only = "holds on the measured lines only"
     if nominal is Stability.UNSTABLE:
         return f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
@@ -322,11 +326,11 @@ def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: 
         return f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
     if has_set:
         return f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
-    return f"the FRF comes without uncertainty, and all of this {lines_only}"
+    return f"the FRF has no uncertainty, and the result {lines_only}"
 
 
 def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool) -> str:
-    """Return the reason of the verdict on one loop whose nominal is stable."""
+    """Explain the verdict on one channel with a stable nominal loop."""
     if folding is not None and folding.total >= 1:
         if folding.single_frequency < 1:
             return _advise_on_aliases(folding, loop.model)
@@ -347,32 +351,32 @@ def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBr
 
 
 def _explain_open(below: str, proofs: Proofs, certify: bool) -> str:
-    """Return why a verdict is open where the curve stays below one: no proof was asked for, or none was found."""
+    """Explain an open verdict with a curve below one: no proof was requested, or none was found."""
     if not certify:
-        return f"{below}, and no proof was asked for (certify=False)"
+        return f"{below}, and no proof was requested (certify=False)"
     return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
 
 
-#: Every verdict, and what it means for the machine, in at most 20 words.
+#: Meaning of each verdict for the machine, in at most 20 words.
 VERDICT_MEANINGS = {
     Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
     Verdict.STATISTICALLY_ROBUST: (
         "this controller keeps every linear plant of the set stable; for the nonlinear machine itself there is no proof"
     ),
     Verdict.NOT_ROBUST: "with this controller a plant of the set, or the nominal one, is unstable: do not use it",
-    Verdict.NOT_CERTIFIED: "whether this controller keeps the machine stable is open: neither proved nor disproved",
+    Verdict.NOT_CERTIFIED: "stability of the machine with this controller is neither proved nor disproved",
 }
-#: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
+#: Meaning for a set from a radius or from plants of the user, if no class of perturbation was named.
 WITHOUT_CONFIDENCE = (
-    "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
+    "this controller keeps every linear plant of the set stable; the probability that the set contains the machine is "
+    "unknown"
 )
-#: The same where no set was given.
-PLANT_ALONE = "this controller keeps the plant that was given stable, which is proved; no set of plants was given"
-CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
+#: Meaning if no set was given.
+PLANT_ALONE = "this controller keeps the given plant stable, which is proved; no set of plants was given"
+CLAIM_HINT = 'no class of perturbation is claimed; claim one by perturbation="LTI" or "operator"'
 
 
 def format_margin_factor(margin: float) -> str:
-    """Format a margin as a factor on the uncertainty."""
     if margin > 1:
         return f"the uncertainty may grow by a factor {margin:.3g}"
     return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
@@ -387,7 +391,7 @@ def explain_mu(
     cut: ParameterMargin | None,
     certify: bool,
 ) -> str:
-    """Return the reason of the verdict by mu; `cut` is what came of the box of parameters, cut up."""
+    """Explain the verdict by mu; `cut` is the result of the subdivision of the parameter box."""
     if broken <= 1:
         return f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular"
     if proofs.robustly_stable:
@@ -397,33 +401,34 @@ def explain_mu(
         return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
     if curves.peak >= 1:
         reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
-        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        parts = (
+            "" if cut is None else f"; on parts of the box {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        )
         return f"{reached}, but no perturbation was found that breaks the loop{parts}"
     return _explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
 
 
-# ---- The sentences of a report's own numbers.
+# ---- Sentences with the numbers of a report.
 
 
 def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
-    """Return what a verdict means for the machine."""
     without = verdict is Verdict.STATISTICALLY_ROBUST and not confidence
     return WITHOUT_CONFIDENCE if without else VERDICT_MEANINGS[verdict]
 
 
 def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None) -> str:
-    """Return why a stable loop is close to instability; `phase` is the nominal phase margin [rad] of one loop."""
+    """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad] for one channel."""
     margin = "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
     return (
         f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
-        f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase margin of "
-        f"{USUAL_PHASE_MARGIN:g} deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that "
-        "factor"
+        f"above {limit:g}{margin}. Usual limits are |S| of at most {USUAL_PEAK:g} and a phase margin of at least "
+        f"{USUAL_PHASE_MARGIN:g} deg (Skogestad & Postlethwaite 2005, 2.4.3). The loop amplifies disturbances at that "
+        "frequency"
     )
 
 
 def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | None) -> list[Fact]:
-    """Return the nominal and the worst case over the demand, and whether the whole set meets it; none without one."""
+    """Return the nominal and the worst value of the demand, and whether the whole set meets it; empty without one."""
     if demand is None:
         return []
     met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
@@ -435,7 +440,6 @@ def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | N
 
 
 def disk_margin_fact(margins: Margins) -> Fact:
-    """Return the disk margin of one loop."""
     meaning = (
         f"gain {20 * np.log10(margins.disk_gain):.2f} dB, or phase {np.degrees(margins.disk_phase):.1f} deg, or less "
         "of both"
@@ -453,7 +457,7 @@ def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
 
 
 def describe_broken(margins: Margins) -> str:
-    """Return the perturbation that makes the loop singular, block by block; empty where none was found."""
+    """Describe the perturbation that makes the loop singular, block by block; empty if none was found."""
     if not margins.worst:
         return ""
     parts = ", ".join(f"{name} {number:+.3g}" for name, number in margins.worst.items())
@@ -461,7 +465,7 @@ def describe_broken(margins: Margins) -> str:
 
 
 def describe_certificate(certificate: Certificate) -> str:
-    """Return what a certificate is of, and how it was proved or why not."""
+    """Describe the subject of a certificate, and its method or the reason why it fails."""
     how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
     if certificate.holds and len(certificate.intervals) > 1:
         how += f" ({len(certificate.intervals)} of them)"

@@ -1,7 +1,7 @@
 """The worst plant of a set, and the smallest destabilising perturbation, as systems to simulate.
 
-The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). All-passes of first order take
-any phase at one frequency and have gain one at all others, so the plant made of them lies in the set.
+The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). A first-order all-pass has any
+phase at one frequency and gain one at all of them, so a plant with all-passes as perturbation lies in the set.
 """
 
 from __future__ import annotations
@@ -41,35 +41,35 @@ from robust.mu.perturbations import lower
 from robust.mu.scalings import refine_grid
 from robust.proofs.search.stability import decide_stability
 
-_LEVEL_MARGIN = 1e-4  # of a largest gain of one channel, by which the level that is proved lies above it
+_LEVEL_MARGIN = 1e-4  # relative distance of the proved level from the largest gain for one channel
 
 
 @value
 class WorstCase:
-    """The largest sensitivity over a set, and a plant of the set that has it.
+    """The largest sensitivity over a set, and a plant of the set that attains it.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     gain : (W,) ndarray
-        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary. Of
-        several channels an upper bound of the largest singular value, by the structured singular value.
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf if a plant of the set has a pole on the stability boundary.
+        For several channels an upper bound of the largest singular value, by the structured singular value.
     omega_worst : float
-        Where it is largest, or where a perturbation destabilises the loop [rad/s].
+        Frequency of the largest gain, or at which a perturbation destabilises the loop [rad/s].
     plant : control.StateSpace
-        A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K, where
-        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself). Of
-        several channels the worst that was found, which may stay below the bound, sampled under a sampled K.
+        A plant of the set that attains it there. It is continuous for a continuous nominal, also under a sampled K;
+        each alias with more than 0.3 % of the sum then has its own phase (in an inverse form only the frequency
+        itself). For several channels the worst plant found, which may stay below the bound; sampled under a sampled K.
     delta : complex, or (drives, reads) complex ndarray
-        The perturbation there; of modulus (largest singular value) below one where less suffices to destabilise.
+        The perturbation there. Its modulus (largest singular value) is below one if a smaller one destabilises.
     achieved : float
         |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
     stable : bool
         Whether the loop with that plant is stable.
     n_lines : int
-        0 where the largest value of `gain` is proved to be one at all frequencies, within 0.1 %; else on how many it
-        was looked at.
+        0 if the largest value of `gain` is proved to be the largest at all frequencies, within 0.1 %; else the number
+        of frequencies checked.
 
     References
     ----------
@@ -107,18 +107,20 @@ class WorstCase:
 
 
 def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0) -> WorstCase:
-    """Find the plant of the set with the largest sensitivity, to simulate it.
+    """Find the plant of the set with the largest sensitivity.
+
+    Use this to simulate the worst machine that a verdict covers: `plant` is a system, as the nominal is.
 
     Parameters
     ----------
     model : UncertaintyModel
-        With a parametric nominal, of any number of channels.
+        The set, with a parametric nominal and any number of channels.
     K : control.StateSpace, TransferFunction or float
         Controller, continuous or discrete, negative feedback.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight on S; 1 when not given.
+        Performance weight on S. Default: 1.
     delay : float
-        Computation delay [s]; of several channels it is in the nominal, but where K is sampled and that is not.
+        Computation delay [s]. For several channels it must be in the nominal, unless only K is sampled.
 
     Returns
     -------
@@ -127,7 +129,7 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     Raises
     ------
     ValueError
-        A nominal loop that is not stable, or parts that do not fit each other.
+        A nominal loop that is not stable, parts that do not fit each other.
 
     References
     ----------
@@ -148,7 +150,7 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
+        raise ValueError(f"K must stabilise the nominal plant for a worst case to exist, got a loop that is {nominal}")
     omega = loop.grid(model.omega)
     band = (float(model.omega[0]), float(model.omega[-1]))
     peak_b, where = loop.peak(lambda points: loop.curves(points).rs, omega, band)
@@ -159,16 +161,18 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * _perturbation_lead(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].phase_offset(in_series(model.nominal, model.shaping), model.weight, where)
-    # the weight brings its own phase, which the perturbation is relative to
+    # the perturbation is relative to the phase of the weight
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
-    if phased is not None:  # every alias that counts has a phase of its own
+    if phased is not None:  # each alias with a considerable part has its own phase
         delta = np.exp(1j * phased[1][0]) / max(1.0, peak_b)
         Delta = with_phases(*phased) * abs(delta)
     plant = perturbed_plant(model.form, model.nominal, model.weight, Delta, model.shaping)
     if FORMS[model.form].depends_on_units and not is_within_set(
         model, plant
-    ):  # other forms need no factors: they are made as they are
-        raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
+    ):  # only these forms need factors; the perturbation of the others is exact
+        raise ValueError(
+            "model must have a worst plant that floating point resolves, got one outside of the set by rounding"
+        )
     seen = plant_in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
     S = perturbed_sensitivity(plant, seen, loop, at)
@@ -183,7 +187,7 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
         plant=plant,
         delta=delta,
         achieved=float(achieved),
-        # a perturbation that was made to put a pole on the boundary does, whatever side rounding leaves it on
+        # the perturbation was made to put a pole on the boundary; rounding must not turn that into "stable"
         stable=peak_b < 1 and is_stable_with(plant, seen, loop),
         n_lines=0 if proved else omega.size,
     )
@@ -197,21 +201,23 @@ def step_response(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step of one reference through the loop u = K (r - y), of a plant, or of a set with its worst plant.
+    """Simulate a step of one reference through the loop u = K (r - y), for a plant, or for a set with its worst plant.
+
+    Use this to see overshoot, rise and settling time, and the plant input that the step needs.
 
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction or UncertaintyModel
-        One plant; of a model its nominal, and in `worst` the plant of the set with the largest |S| (`worst_case`).
+        One plant; or a set, for its nominal, with its plant of largest |S| (`worst_case`) in `worst`.
     K : control.StateSpace, TransferFunction or float
-        Controller. A sampled one sees a continuous plant behind its hold, at the sampling instants, exactly; the delay
-        of a continuous loop is a Padé approximation of order 8.
+        Controller. A sampled K acts on a continuous plant through its hold; the response is exact at the sampling
+        instants. The delay of a continuous loop is a Padé approximation of order 8.
     delay : float
         Computation delay [s].
     duration : float, optional
-        Horizon [s]; until y has settled when not given.
+        Horizon [s]. Default: until y has settled.
     reference : int
-        Of several outputs the one whose reference steps, from 0; the numbers are those of this output.
+        For several outputs: the output whose reference steps, from 0. The numbers are those of this output.
 
     Returns
     -------
@@ -225,7 +231,7 @@ def step_response(
     Warns
     -----
     DesignWarning
-        A plant of the set with which the loop is not stable: the step is that of the nominal alone.
+        A plant of the set makes the loop unstable: the step is that of the nominal plant alone.
 
     References
     ----------
@@ -244,19 +250,19 @@ def step_response(
     step = step_of_plant(plant.nominal, K, delay=delay, duration=duration, reference=reference)
     if not worst.stable:
         warnings.warn(
-            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: what is given is the "
-            "step with the nominal plant alone",
+            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: the step response is "
+            "that of the nominal plant alone",
             DesignWarning,
             stacklevel=2,
         )
         return step
-    # a worst plant that was sampled for the controller has the delay in it
+    # a worst plant that was sampled for the controller includes the delay
     left = delay if timebase(worst.plant) == timebase(plant.nominal) else 0.0
     return replace(step, worst=step_of_plant(worst.plant, K, delay=left, duration=duration, reference=reference))
 
 
 def _phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return frequencies and phases of the worst Delta at omega [rad/s] where aliases count; None where they do not.
+    """Return frequencies and phases of the worst Delta at omega [rad/s]; None if aliases do not contribute.
 
     In an inverse form the worst plant is that of the frequency itself.
     """
@@ -272,19 +278,18 @@ def _perturbation_lead(loop: Loop, delay: float) -> float:
     return FORMS[loop.form].delay_order * lag
 
 
-# ---- The smallest perturbation found that breaks a loop of several inputs and outputs, as a stable system to replay.
+# ---- The smallest perturbation found that breaks a loop with several inputs and outputs, as a stable system.
 #
-# At one frequency the lower bound of mu gives a matrix that makes the loop singular: a direction in, a direction out,
-# or
-# one number a block. An all-pass of first order takes any phase at one frequency and has one gain at all of them, so a
-# vector of all-passes carries each direction, and the perturbation is no larger anywhere else.
+# At one frequency the lower bound of mu gives a matrix that makes the loop singular: an input and an output direction,
+# or one number a block. A first-order all-pass has any phase at one frequency and the same gain at all of them, so a
+# vector of all-passes carries each direction, and the perturbation is no larger at any other frequency.
 
-_BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+_BAND_EDGE_RATIO = 1e-4  # relative to the lowest frequency, or to the distance from Nyquist
 _N_PEAKS = 3  # frequencies at which the worst perturbation is searched
 
 
 def _worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
-    """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
+    """Find the worst case for several channels: the bound by mu, and the worst perturbation found at its peaks."""
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
     largest = set_gain(system.N, system.structure)
@@ -323,51 +328,22 @@ def _performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega:
 
 
 def _scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
-    """Return size times a system."""
     return control.StateSpace(Delta.A, Delta.B, size * Delta.C, size * Delta.D, Delta.dt)
 
 
 def _phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
-    """Return the frequencies [rad/s] between which an all-pass can have any phase: not at zero, not at Nyquist."""
+    """Return the frequencies [rad/s] between which an all-pass can have any phase: above zero and below Nyquist."""
     return _BAND_EDGE_RATIO * float(omega[omega > 0].min()), np.pi / dt * (1 - _BAND_EDGE_RATIO) if dt else np.inf
 
 
 @value
 class _BreakingPerturbation:
-    """A perturbation of a set of several channels that puts a pole of the loop on the stability boundary.
+    """A perturbation for several channels that puts a pole of the loop on the stability boundary (SP 8.8)."""
 
-    Fields
-    ------
-    size : float
-        Its gain: below one it lies in the set.
-    omega : float
-        Where the loop gets singular [rad/s].
-    Delta : control.StateSpace
-        The perturbation divided by its size: gain one at every frequency.
-    model : UncertaintyModel
-        The set it belongs to.
-
-    References
-    ----------
-    SP 8.8 (the smallest destabilising perturbation); Packard & Doyle, *The complex structured singular value*,
-    Automatica 29, 1993.
-
-    Examples
-    --------
-    >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
-    >>> w = control.ss([], [], [], [[1.0]])
-    >>> model = UncertaintyModel(
-    ...     nominal=G, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]), radius=np.ones((4, 1)),
-    ...     confidence=0.95)
-    >>> worst = breaking_perturbation(model, control.ss([], [], [], 2 * np.eye(2)))
-    >>> round(worst.size, 3)                             # |K S| is largest at high frequency: 2
-    0.5
-    """
-
-    size: float
-    omega: float
-    Delta: control.StateSpace
-    model: UncertaintyModel
+    size: float  # gain of the perturbation: it lies in the set if below one
+    omega: float  # frequency at which the loop becomes singular [rad/s]
+    Delta: control.StateSpace  # the perturbation over its size: gain one at every frequency
+    model: UncertaintyModel  # the set
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """Return the plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
@@ -375,7 +351,10 @@ class _BreakingPerturbation:
 
 
 def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPerturbation:
-    """Find a smallest destabilising perturbation of the loop u = K (r - y), to simulate it or try it on a machine.
+    """Find a smallest destabilising perturbation of the loop u = K (r - y) with several channels.
+
+    Use this to simulate the failure of a loop, or to test how close the margin is: `plant(0.99)` gives a plant with
+    which the loop is stable, `plant(1.01)` one with which it is not. For one channel use `worst_case`.
 
     Parameters
     ----------
@@ -387,11 +366,14 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     Returns
     -------
     BreakingPerturbation
+        `size`, the gain of the perturbation (below one it lies in the set); `omega` [rad/s], where the loop becomes
+        singular; `Delta`, the perturbation over its size; and `plant(factor)`.
 
     Raises
     ------
     ValueError
-        A nominal loop that is not stable, a K that does not fit, a loop that nothing breaks.
+        A model with one channel, a nominal loop that is not stable, a K that does not fit, a loop that no perturbation
+        breaks.
 
     References
     ----------
@@ -410,24 +392,22 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     1.0
     """
     if not has_several_channels(model):
-        raise ValueError(
-            f"model must be of several channels, got {short_form(model)}: worst_case takes one of one channel"
-        )
+        raise ValueError(f"model must have several channels, got {short_form(model)}: use worst_case for one channel")
     system = model.loop(K)
     nominal = decide_stability(system.N)
     if not nominal.stable:
-        raise ValueError(f"K must leave the nominal loop stable, got one that is {nominal}")
+        raise ValueError(f"K must stabilise the nominal plant, got a loop that is {nominal}")
     N = system.loop
     omega, mu = refine_grid(N, system.structure, omega=structure_grid(N))
     dt = timebase(N)
-    # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
+    # at zero and at Nyquist N is real and an all-pass has no phase: use frequencies just beside them
     some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *_phase_band(omega, dt)))
     found = lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
-        raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")
-    assert found.delta is not None  # of a lower bound
-    delta = found.delta[:, :, k] * found.value[k]  # of gain one
+        raise ValueError("K must respond to the plant for a perturbation to break the loop, got one that does not")
+    assert found.delta is not None  # a lower bound comes with its perturbation
+    delta = found.delta[:, :, k] * found.value[k]  # gain one
     return _BreakingPerturbation(
         size=float(1 / found.value[k]),
         omega=float(some[k]),
@@ -437,7 +417,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
 
 
 def _interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
-    """Return a stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
+    """Return a stable real system of gain one that equals `delta` (drives, reads) at omega: rank one, or diagonal."""
     if not full:
         return _all_passes(np.diag(delta), omega, dt)
     U, sizes, Vh = np.linalg.svd(delta)
@@ -454,5 +434,5 @@ def _interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, ful
 
 
 def _all_passes(numbers: np.ndarray, omega: float, dt: float) -> control.StateSpace:
-    """Return all-passes of first order side by side that equal these complex numbers at omega."""
+    """Return parallel first-order all-passes that equal these complex numbers at omega."""
     return block_diagonal([with_phase(omega, complex(number), dt) for number in numbers], dt)

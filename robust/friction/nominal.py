@@ -93,4 +93,4 @@ def _describe_modal_damping(G: control.StateSpace) -> str:
         return "no mode that oscillates"
     modes = sorted(found, key=abs)
     text = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {format_hertz(abs(p))}" for p in modes)
-    return f"modal damping {text}, which contains the friction's"
+    return f"modal damping {text}, which includes that of the friction"

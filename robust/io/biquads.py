@@ -60,7 +60,7 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
     if not wrong.max() < 1:
         k = int(wrong.argmax())
         raise ValueError(
-            f"K must be a system whose roots make sections of it, got an error of {error[k]:.2g} at "
+            f"K must be accurate as sections made of its roots, got an error of {error[k]:.2g} at "
             f"{angles[k] / dt:.3g} rad/s"
         )
     return sections
@@ -76,7 +76,7 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
     try:
         return {"sections": loop_sections(K)}
     except ValueError as error:
-        data_warning(f"sections were left out of the file, which holds A, B, C and D: {error}")
+        data_warning(f"the file contains A, B, C and D only, without sections: {error}")
         return {}
 
 

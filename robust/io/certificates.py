@@ -67,7 +67,7 @@ def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -
         return
     if not found:
         raise ValueError(
-            "report must hold a proof that can be repeated, got "
+            "report must contain a proof that can be repeated, got "
             + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
         )
     claim = replace(
@@ -84,7 +84,7 @@ def save_friction_proof(
     """Write a proof with friction, the source of its class, and the warnings about that."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
-        raise ValueError(f"report must hold a proof of a single loop, got the verdict {proof.verdict!r}")
+        raise ValueError(f"report must contain a proof of a single loop, got the verdict {proof.verdict!r}")
     units = proof.friction.units
     write_claim(
         path,
@@ -188,7 +188,7 @@ def _differences_of_channels(
 ) -> dict[str, str]:
     """Return a difference if the loop of model and controller is not the one of the certificate."""
     if (model is None) != (K is None):
-        raise ValueError("model and K must be given together for a certificate of several channels, got one of them")
+        raise ValueError("model and K must be given together for a certificate with several channels, got one of them")
     if model is None or K is None:
         return {}
     return {} if _is_loop_of(claim, model, K) else {"the loop of model and controller": ""}

@@ -90,7 +90,8 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
             raise ValueError(f"{key} must be real or conjugate in {name!r}, got {roots}")
     if gain.size != 1 or zeros.size > poles.size:
         raise ValueError(
-            f"K must be proper and of one input and output in {name!r}, got {zeros.size} zeros, {poles.size} poles and "
+            f"K must be proper with one input and one output in {name!r}, got {zeros.size} zeros, {poles.size} poles "
+            "and "
             f"{gain.size} gains; {_CURE}"
         )
     return from_roots(order_roots(zeros), order_roots(poles), float(gain[0].real), dt)

@@ -222,7 +222,7 @@ end
 end
 """.replace("CASES", _matlab_cases(FORMS))
 _MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
-%NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
+%NAME  Uncertain plant with several inputs and outputs from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weights and ultidyn
 %   G      nominal, ss
 %   model  everything that was written, as a struct
@@ -258,11 +258,11 @@ end
 """.replace("ELEMENTS", f"'{ELEMENTS}'").replace("CASES", _matlab_cases(BLOCK_FORMS))
 _PROOF_LOADER = """function [largest, proofs] = NAME(file)
 %NAME  Proofs by P and scalings from FILE.
-%   largest  of each proof the largest eigenvalue of its inequalities and of -P, which have to be negative:
+%   largest  for each proof: largest eigenvalue of its inequalities and of -P, which have to be negative
 %            [A'P+PA, PB; B'P, 0] + [C D]'X_L[C D] - [0; I]G[C D] - [C D]'G'[0 I] - level^2 [0 0; 0 X_R]
-%            (discrete: [A'PA-P, A'PB; B'PA, B'PB] in front). Of a proof with pieces: P shows that A is stable, and on
-%            each interval [a b] of x, omega or tan(omega Ts/2), f*Pg + g*Pf + (x-a)(b-x)g*Qg takes the place of what is
-%            in front, x g = -j f with g = [I 0], f = [A B] (discrete: [A+I B], [A-I B]), and K that of G
+%            (discrete: first term [A'PA-P, A'PB; B'PA, B'PB]). For a proof with pieces: P shows that A is stable. On
+%            each interval [a b] of x, omega or tan(omega Ts/2), f*Pg + g*Pf + (x-a)(b-x)g*Qg replaces the first
+%            term, x g = -j f with g = [I 0], f = [A B] (discrete: [A+I B], [A-I B]), and K replaces G
 %   proofs   everything that was written, as structs
 if nargin < 1
     file = fullfile(fileparts(mfilename('fullpath')), 'FILE');

@@ -220,7 +220,7 @@ def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
     _require_same_response(K, sampled, kp=kp, ki=ki, kd=kd, filter_time=filter_time)
     step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
-        raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
+        raise ValueError(f"dt must be the sampling time of K, {sampled:g} s, got {dt:g} s")
     return PidGains(
         kp=kp, ki=ki, kd=kd, filter_time=filter_time if kd else 0.0, dt=step, unit=inverse_unit(unit) if unit else ""
     )
@@ -272,7 +272,7 @@ def _unusual_integral(gains: PidGains) -> str:
     """Describe an integral without effect; empty if it has one or there is none."""
     Ti = abs(gains.integral_time)
     if gains.kp and gains.ki and (_NOTHING_IN_SAMPLES * gains.dt if gains.dt else _LONGEST_TIME) < Ti:
-        return f"Ti = {Ti:.4g} s: the integral is nothing; --structure {'PD' if gains.kd else 'P'} leaves it out"
+        return f"Ti = {Ti:.4g} s: the integral is negligible; --structure {'PD' if gains.kd else 'P'} leaves it out"
     return ""
 
 
@@ -295,10 +295,10 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
         if share <= _NEGLIGIBLE:
             found = f"Kp = {gains.kp:.3g} is at most {100 * share:.2g} % of |K| on the lines"
             if np.all(np.abs(slope) <= _NEGLIGIBLE * size):
-                return f"{found}: K is an integrator. Ask for --structure I"
+                return f"{found}: K is an integrator. Use --structure I"
             return (
                 f"{found}: K is an integrator and a derivative, for which no PLC has Ti and Td. Use the parallel form, "
-                "or ask for --structure PI or I"
+                "or --structure PI or I"
             )
     return ""
 

@@ -126,7 +126,7 @@ import control
 import numpy as np
 from control import feedback
 
-DT = @TIME@  # sampling time [s], 0 where continuous
+DT = @TIME@  # sampling time [s]; 0: continuous
 BAND = @BAND@  # of the measurement [rad/s]
 SHAPE = @SHAPE@  # of Delta: outputs, inputs
 DIAGONAL = @ONE@  # each entry has a Delta of its own
@@ -134,12 +134,12 @@ DIAGONAL = @ONE@  # each entry has a Delta of its own
 
 
 def gain(D):
-    """Return a constant as a system; a system stays what it is."""
+    """Return a constant as a system; return a system unchanged."""
     return D if isinstance(D, control.lti.LTI) else control.ss([], [], [], np.atleast_2d(D), DT)
 
 
 def eye(n):
-    """Return n signals that pass."""
+    """Return the identity for n signals."""
     return gain(np.eye(n))
 
 

@@ -119,7 +119,7 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
     error, omega = _largest_error(K, _realise(K, _chain(groups, scale), gain, pole))
     if not error <= _LARGEST_ERROR:
         raise ValueError(
-            f"K must be a system whose roots make sections of it, got an error of {error:.2g} of |K| at {omega:.3g} "
+            f"K must be accurate as sections made of its roots, got an error of {error:.2g} of |K| at {omega:.3g} "
             "rad/s: lower its order with robust.reduce_controller"
         )
     tracking = _tracking_gain(rest, gain, pole) if limited and gain else 0.0
@@ -131,28 +131,28 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
     if not max(error, share) <= _NOTABLE_ERROR:
         data_warning(
             f"K changes by up to {error:.2g} of |K| with coefficients in {dtype}, and u by up to {share:.2g} of its "
-            "largest value by rounded operations" + ": take dtype='float64'" * (dtype == "float32"),
+            "largest value by rounded operations" + ": use dtype='float64'" * (dtype == "float32"),
             DesignWarning,
         )
     outside = " outside the integral" * bool(gain)
     facts = [
-        f"sections: {len(groups)}, in powers of z - 1 (of z where all roots are nearer to 0), which keeps the digits "
-        "of slow poles; in the order of the least bound of rounding",
+        f"sections: {len(groups)}, in powers of z - 1 (of z if all roots are nearer to 0), which keeps the digits "
+        "of slow poles; in the order with the least bound of rounding",
         f"coefficients in {dtype} change |K| by at most {error:.2g} of itself, at {omega / 2 / np.pi:.4g} Hz",
         f"operations in {dtype} move u by at most {noise:.2g} max|e|{outside}, {share:.2g} of the largest u that such "
         "an e makes there (l1 norms from each operation to u)"
         if np.isfinite(noise)
         else "rounded operations have no bound for K alone: it has a pole on or outside the unit circle",
-        f"quantisation: an e that is off by q moves u by at most {total:.4g} q{outside} (l1 norm), a u off by q by q",
+        f"quantisation: an error q of e moves u by at most {total:.4g} q{outside} (l1 norm), an error q of u by q",
     ]
     if gain:
         facts.append(
-            "integral: split off by partial fractions, its sum compensated; its rounding is that of an e which is off "
-            f"by at most {(8 if pole else 4) * unit:.2g} max|e|"
+            "integral: split off by partial fractions, its sum compensated; its rounding acts like an error of e of "
+            f"at most {(8 if pole else 4) * unit:.2g} max|e|"
         )
     if limited:
         facts.append(
-            f"limit: u from {bounds[0]:.9g} to {bounds[1]:.9g}. Nothing is proved once it is reached. "
+            f"limit: u from {bounds[0]:.9g} to {bounds[1]:.9g}. Nothing is proved after u reaches it. "
             + (
                 f"The integral follows in {timebase(K) / tracking:.4g} s (anti-windup by back-calculation)"
                 if tracking
@@ -190,13 +190,12 @@ def _require_one_sampled_loop(K: control.StateSpace) -> None:
     """Refuse a controller for several channels, and a continuous one."""
     if (K.ninputs, K.noutputs) != (1, 1):
         raise ValueError(
-            f"K must be of one loop to be written as code, got {K.ninputs} inputs and {K.noutputs} outputs: write the "
-            "loops of a diagonal one, K[0, 0] and so on, into files of their own"
+            f"K must have one input and one output to be written as code, got {K.ninputs} and {K.noutputs}: write each "
+            "loop of a diagonal K, such as K[0, 0], into its own file"
         )
     if not timebase(K):
         raise ValueError(
-            "K must be discrete to be written as code, got a continuous controller: robust.lti.discretize(K, dt) "
-            "samples it"
+            "K must be discrete to be written as code, got a continuous controller: use robust.lti.discretize(K, dt)"
         )
 
 
@@ -214,7 +213,7 @@ def _split_slowest(K: control.StateSpace, *, limited: bool) -> tuple[control.Sta
     )
     if n_integrators > 1 and limited:
         raise ValueError(
-            f"limit must be left out for a controller with {n_integrators} integrators, it is for at most one"
+            f"limit must be left out for a controller with {n_integrators} integrators: it is for at most one"
         )
     if n_integrators > 1 or not real.size:
         return whole

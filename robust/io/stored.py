@@ -32,7 +32,7 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         save_controller(thing, path, delay=delay, unit=unit)
         return
     if delay is not None or unit:
-        raise ValueError(f"delay and unit must be left out for anything but a controller, got {delay!r} and {unit!r}")
+        raise ValueError(f"delay and unit must be left out except for a controller, got {delay!r} and {unit!r}")
     if isinstance(thing, UncertaintyModel):
         save_model(thing, path)
         return

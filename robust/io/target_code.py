@@ -208,7 +208,7 @@ COMMENT
 *)
 VAR_INPUT
     e : TYPE; (* r - y *)
-    reset : BOOL; (* start anew *)
+    reset : BOOL; (* set all states to zero *)
 END_VAR
 VAR_OUTPUT
     u : TYPE;
@@ -242,8 +242,8 @@ def _export(
     dt, kind = rounded.K.dt, language.types[dtype]
     lines = [
         f"{one_line(path.name)}: controller u = K e with e = r - y, one step every {dt:.12g} s ({1 / dt:.6g} Hz)."
-        f"{units} The time from the sample of y to u is the delay that 'robust check' is given.",
-        f"All arithmetic is in {kind} ({dtype}), in the order that is written. {language.advice}",
+        f"{units} Give the time from the sample of y to u as the delay of 'robust check'.",
+        f"All arithmetic is in {kind} ({dtype}), in the written order. {language.advice}",
         *rounded.facts,
     ]
     # remove sequences that would end a comment, in either language

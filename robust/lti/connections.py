@@ -111,7 +111,7 @@ def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
     """Refuse a controller that does not fit a plant with n_y outputs and n_u inputs."""
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
-            f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
+            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the plant, "
             f"got {K.ninputs} and {K.noutputs}"
         )
 

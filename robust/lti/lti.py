@@ -237,7 +237,7 @@ def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> n
     place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
     place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
     if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
-        raise ValueError("omega must consist of lines of the nominal FRF, got others: it is known on its lines only")
+        raise ValueError("omega must be lines of the nominal FRF, got others: the FRF is known on its lines only")
     return np.asarray(nominal.frdata[0, 0])[place]
 
 

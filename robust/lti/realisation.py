@@ -84,7 +84,7 @@ def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> con
             break
     hidden = np.real_if_close(speed * lost[np.abs(lost) >= 1 if timebase(system) else lost.real >= 0])
     if hidden.size:
-        raise ValueError(f"{name} must show its unstable modes, got one that cancels at {hidden[0]:.4g}")
+        raise ValueError(f"{name} must have no hidden unstable mode, got one that cancels at {hidden[0]:.4g}")
     return with_names(found, system.input_labels, system.output_labels)
 
 

@@ -67,10 +67,12 @@ class StabilityResult:
             beyond = ", on the stability boundary or beyond it" if self.at_boundary else ""
             what = f"{'the nominal loop has ' if self.of_loop else ''}a pole{where}{beyond}"
         elif named:
-            what = f"a pole{' of the nominal loop' if self.of_loop else ''}{where} cannot be told from the stability "
+            what = (
+                f"a pole{' of the nominal loop' if self.of_loop else ''}{where} lies within rounding of the stability "
+            )
             what += "boundary"
         else:
-            what = "with its delay the nominal loop cannot be told from one on the stability boundary"
+            what = "with its delay the nominal loop lies within rounding of the stability boundary"
         return f"{self.state}: {what}"
 
 
@@ -219,9 +221,9 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
     size : (W,) |L|, or its largest singular value.
 
     >>> print(describe_unresolved(np.array([6.3, 12.6]), np.array([2.0, -2.0 + 2j]), np.array([1.0, 3.6])))
-    ... # doctest: +NORMALIZE_WHITESPACE
-    the lines leave open how often 1 + L winds about zero: it turns by 135 deg between 1.003 Hz and 2.005 Hz, and |L| is
-    1 on the first line, 1.003 Hz, and 3.6 on the last, 2.005 Hz. Closer lines decide it (a longer --period), or lower
+    the lines do not show the winding number of 1 + L: it turns by 135 deg between 1.003 Hz and 2.005 Hz, and |L| is
+    1 on the first line, 1.003 Hz, and 3.6 on the last, 2.005 Hz. Use closer lines (a longer --period), lower or higher
+    lines (--f-min, --f-max), or a nominal model (robust model)
     or higher ones (--f-min, --f-max), or a nominal model (robust model)
     """
     turn = np.abs(np.angle(F[1:] / F[:-1]))
@@ -232,8 +234,8 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
         f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}" for i, word in ((0, "first line"), (-1, "last"))
     )
     return (
-        f"the lines{who} leave open how often 1 + L winds about zero: {most}|L| is {first}, and {last}. Closer lines "
-        "decide it (a longer --period), or lower or higher ones (--f-min, --f-max), or a nominal model (robust model)"
+        f"the lines{who} do not show the winding number of 1 + L: {most}|L| is {first}, and {last}. Use closer lines "
+        "(a longer --period), lower or higher lines (--f-min, --f-max), or a nominal model (robust model)"
     )
 
 

@@ -156,7 +156,7 @@ class Validation:
         )
         rows += [entry] * bool(entry)
         rows.append(
-            f"level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
+            f"level: the remainder is {self.level:.2g} times the scatter of both records, p = {self.p_level:.2g}; "
             f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
         return "\n  ".join([*rows, f"conclusion: {self.conclusion}", *(f"warning: {text}" for text in self.warnings)])
@@ -164,12 +164,12 @@ class Validation:
     @property
     def conclusion(self) -> str:
         """Return the conclusion: a change of shape or scatter, and the membership of all lines in the set."""
-        seen = {"the FRF has another shape": self.p_value, "it scatters more than both records say": self.p_level}
+        seen = {"the FRF has another shape": self.p_value, "it scatters more than both records": self.p_level}
         changed = [what for what, p in seen.items() if p < _CHANGED]
-        words = ", and ".join(changed) if changed else "no change is seen"
+        words = ", and ".join(changed) if changed else "no significant change"
         if np.isnan(self.distance).all():
             return f"{words} (at {100 * _CHANGED:g} %)"
-        holds = "holds every line" if not self.n_outside_set else "does not hold every line"
+        holds = "contains every line" if not self.n_outside_set else "does not contain every line"
         return f"{words} (at {100 * _CHANGED:g} %); the set {holds} of this record"
 
 
@@ -271,8 +271,8 @@ def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nd
     at = np.asarray(model.nominal.omega)
     if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > _LINE_TOLERANCE:
         raise ValueError(
-            "bla must have lines of the FRF that the model is made around, got others: between its lines it is not "
-            "known. A model around a fit (fit_nominal) takes any"
+            "bla must have lines of the FRF on which the model is based, got others: between its lines the FRF is "
+            "unknown. A model based on a fit (fit_nominal) takes any lines"
         )
     if "unknown" in (model.origin.hold, bla.hold):
         return np.ones(bla.omega.size)

@@ -64,7 +64,7 @@ def certify_intervals(
     waiting: list[tuple[float, float]] = [(0.0, np.inf)]
     done: list[tuple[float, IntervalProof]] = []
     if not system.nstates:
-        return failed_certificate(LEVEL, level, "no scaling was found, and without states there are no intervals")
+        return failed_certificate(LEVEL, level, "no scaling was found, and a system without states has no intervals")
     search = _IntervalSearch.of(system, tuple(blocks), level)
     while waiting:
         low, high = waiting.pop()

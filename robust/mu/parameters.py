@@ -68,7 +68,7 @@ class ParameterMargin:
             worst = ", ".join("complex" if np.isnan(one) else f"{one:+.3g}" for one in self.worst)
             broken = f"{self.broken:.4g} times ({worst}) puts a pole on the boundary at {format_hertz(self.omega)}"
         else:
-            broken = "nothing was found that breaks it"
+            broken = "no destabilising value was found"
         return f"{proved}; {broken}{f'. {self.reason}' * bool(self.reason)}"
 
 
@@ -117,7 +117,7 @@ def parameter_margin(
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     gap, left = require_positive("gap", gap), require_integer("max_boxes", max_boxes, least=1)
     if "real" not in s.kinds:
-        raise ValueError("blocks must hold a real one, got none: robust.mu.certify is for complex ones")
+        raise ValueError("blocks must contain a real one, got none: use robust.mu.certify for complex blocks")
     nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")

@@ -70,7 +70,7 @@ def cut_by_scaling(
         return right.at(t) - adjoint * left.at(t) * N + skew.at(t) * N + adjoint * skew_adjoint.at(t)
 
     if not left.at(ExactMatrix(re=fmpq_mat([[0]]), im=fmpq_mat([[1]]))).is_positive:
-        return "a scaling that was found is not positive"
+        return "a scaling found is not positive"
     parts = [H, _factor_of_imaginary_parts(to_rational(x), n)]
     return cut_at_crossings(parts, inequality, low=band[0], high=band[1], deadline=deadline)
 

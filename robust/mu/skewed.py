@@ -201,7 +201,7 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
             kept = replace(search, level=level, certificates=(proof,))
             break
     low, top = kept.level, np.inf
-    reason = "the bound by scalings is not closer, and there are no real blocks to cut" if not search.real.size else ""
+    reason = "the bound by scalings is no tighter, and no real block can be subdivided" if not search.real.size else ""
     while search.broken > low * (1 + gap) and low < _MAX_FACTOR and not reason:
         level = _next_level(low, min(search.broken, top), gap)
         tried = _prove_level(replace(search, level=level, left=(search.left + 1) // 2))
@@ -230,7 +230,7 @@ def _prove_level(search: SkewedMargin) -> SkewedMargin:
     waiting, proved, proofs = list(search.boxes), [], []
     while waiting:
         if not search.left:
-            return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are examined")
+            return replace(search, reason=f"{len(waiting)} parts of the box are undecided at the limit of the search")
         search, box = replace(search, left=max(search.left - _box_cost(search.s), 0)), waiting.pop()
         N = _box_system(search, box)
         if N is not None and _has_poles_of_nominal(search, N):
@@ -247,7 +247,7 @@ def _prove_level(search: SkewedMargin) -> SkewedMargin:
             return replace(found, reason="broken")
         parts = _split_box(search, box, peak_at)
         if not parts:
-            return replace(search, reason="a part of the box is open and too thin to cut")
+            return replace(search, reason="a part of the box is undecided and too thin to subdivide")
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
 

@@ -373,9 +373,7 @@ class Pid(TunableBlock):
         super().check_numbers()
         require_nonnegative("filter_time", self.filter_time)
         if self.kd and not self.filter_time:
-            raise ValueError(
-                "filter_time must be positive [s] where kd is not zero: a derivative needs a filter, got 0"
-            )
+            raise ValueError("filter_time must be positive [s] if kd is not zero: a derivative needs a filter, got 0")
 
     def present(self) -> list[str]:
         """Return the names of the nonzero gains, and the filter of a derivative."""

@@ -252,10 +252,10 @@ class Learning:
         if self.L != _SET:
             most = f"at most {self.left(omega).max():.3g} of that without learning, {seen}"
         lines = [
-            f"learns all up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
+            f"learns everything up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
             f"factor per trial: at most {self.factor:.3g} for every linear plant of the set, {where}",
-            "rule: the loop is robustly stable, so learning can contract exactly where the disc of J_p leaves zero out "
-            f"(of a multiplicative set where |w| < 1): up to {end}, {seen}",
+            "rule: the loop is robustly stable, so learning can contract exactly at frequencies where the disc of J_p "
+            f"excludes zero (multiplicative set: |w| < 1): up to {end}, {seen}",
             f"final error: none up to {top}; elsewhere {most}",
             "assumed: trials begin in the same state, repeat except for noise, and have no end. Let a trial run on at "
             f"rest for {_END * self.settling:.2g} s, over which the learned input becomes constant",
@@ -341,17 +341,16 @@ def design_learning(
         omega_Q = _largest_cutoff(widest, factor)
         if omega_Q < widest.loop.band[0]:
             raise ValueError(
-                f"factor must be one that learning reaches in the measured band, got {factor:g}, which it keeps up to "
-                f"{format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}. A smaller set, or omega_Q="
+                f"factor must be reachable in the measured band, got {factor:g}, which is reached up to "
+                f"{format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}. Use a smaller set, or give "
+                "omega_Q"
             )
     omega_Q = require_positive("omega_Q", omega_Q)
     filtered = Learning(**made, omega_Q=omega_Q, factor=1.0)
     largest, where = filtered.loop.peak(filtered.contraction, filtered.omega, filtered.loop.band)
     level = largest * (1 + _BELOW)
     if level >= 1:
-        raise ValueError(
-            f"omega_Q must leave a factor below 1 per trial, got one of {largest:.3g} at {format_hertz(where)}"
-        )
+        raise ValueError(f"omega_Q must leave a factor below 1 per trial, got {largest:.3g} at {format_hertz(where)}")
     if L != _SET:
         reason = 'only L "set" has a proof'
     elif not report.proofs.robustly_stable:

@@ -105,7 +105,7 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     if dt and pid.kd and pid.filter_time < _LEAST_FILTER * dt:
         warnings.warn(
             f"Tf = {1e3 * pid.filter_time:g} ms is below half a sample of {1e3 * dt:g} ms: the derivative of the "
-            "trapezoidal rule rings from sample to sample. The PID may run by another rule; take a longer Tf",
+            "trapezoidal rule rings from sample to sample. Use a longer Tf, unless the PID runs by another rule",
             DesignWarning,
             stacklevel=2,
         )
@@ -121,7 +121,7 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
 def _require_entries(path: str, content: JsonObject) -> str:
     """Return the form of a PID; refuse entries that are unknown, missing or for another form."""
     if "kv" in content:
-        raise ValueError(f"path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE {path}")
+        raise ValueError(f"path must hold a PID, got the gains of a drive; use: robust servo check TRACE {path}")
     form = require_choice("form", content.get("form", "parallel"), tuple(_FORMS))
     integral, derivative = _FORMS[form]
     if others := [name for name in ("Ki", "Kd", "Ti", "Td") if name in content and name not in _FORMS[form]]:
@@ -137,7 +137,7 @@ def _require_entries(path: str, content: JsonObject) -> str:
     if len(alone) == 1:
         raise ValueError(
             f"{path} must have {derivative} and Tf, the time constant of its filter, or none of them, got {alone[0]} "
-            "alone. A low_pass in [[filters]] filters the whole"
+            "alone. A low_pass in [[filters]] filters the whole PID"
         )
     return form
 

@@ -88,7 +88,7 @@ class Reduction:
     def __str__(self) -> str:
         if self.order == self.full_order:
             return f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}): {self.reason}"
-        end = "all that was proved is kept" if self.kept else f"not all that was proved is kept: {self.reason}"
+        end = "all proofs are kept" if self.kept else f"not all proofs are kept: {self.reason}"
         facts = []
         for label, report in (("before", self.before), ("reduced", self.report)):
             found = [report.headline]
@@ -162,17 +162,16 @@ def reduce_controller(
     before = check(model, K, w_P=w_P, delay=delay)
     if order is None and not before.verdict.is_robust:
         raise ValueError(
-            f"K must be one of which something is proved, got '{before.verdict}': {before.reason}. Give an order "
-            "to reduce it all the same."
+            f"K must have a proof to keep, got '{before.verdict}': {before.reason}. Give an order to reduce it anyway."
         )
     by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
     for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
-    n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
+    n_tried, reason = 0, "no controller of lower order keeps the proofs" if K.nstates else "a gain has no states"
     for n in sorted(by_order):
         if n_tried >= max_candidates:
-            reason = f"{n_tried} candidates were looked at below order {n}"
+            reason = f"{n_tried} candidates were tried below order {n}"
             break
         n_tried += len(by_order[n])
         for method, small in _rank_candidates(
@@ -233,8 +232,8 @@ def _without_set(report: RobustnessReport) -> RobustnessReport:
         margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
         reason="the loop with this plant is stable" if stable else report.reason,
         advice="",
-        proved=f"{what} with the plant that was given, at all frequencies." if stable else report.proved,
-        not_proved="Anything about a plant that differs from it.",
+        proved=f"{what} with the given plant, at all frequencies." if stable else report.proved,
+        not_proved="Anything about a different plant.",
         context="",
     )
 
@@ -298,9 +297,9 @@ def _rank_candidates(
 def _compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
     """Return True if everything proved before is proved again, and a description of the loss."""
     if before.verdict.is_robust and report.verdict != before.verdict:
-        return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
+        return False, f"the verdict is '{report.verdict}' instead of '{before.verdict}': {report.reason}"
     if before.proofs.robust_performance and not report.proofs.robust_performance:
-        return False, "robust performance is not proved any more"
+        return False, "robust performance is no longer proved"
     if not before.proofs.robust_performance and not change <= _MAX_CHANGE_OF_T:
         return False, f"the closed loop moved by {change:.3g}"
     return True, ""

@@ -207,18 +207,18 @@ def _synthesise_matching(
     """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refuse if there is none."""
     found = hinfsyn(_matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
-        raise ValueError(f"reference must be one that a {name} can be found for: {found.reason}")
+        raise ValueError(f"reference must allow a {name}, got one without: {found.reason}")
     return found
 
 
 def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
     """Return the loop that has to follow a reference; refuse an unstable one."""
-    instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
+    instead = "use prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
     loop = assemble_loop(model, K, w_P=None, delay=require_nonnegative("delay", delay))
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
+        raise ValueError(f"K must make a stable loop to follow a reference, got a loop that is {nominal}")
     return loop
 
 
@@ -341,8 +341,8 @@ def feedforward_filter(
     effort, loop = require_positive("effort", effort), _reference_loop(model, K, delay)
     if not is_stable(loop.G):
         raise ValueError(
-            f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "
-            "a loop around it first (cascade), or take prefilter, which feeds the closed loop; for a free mass "
+            f"model must have a stable nominal for a feedforward, got a pole at {rightmost_pole(loop.G):.4g}. Close "
+            "a loop around it first (cascade), or use prefilter, which feeds the closed loop; for a free mass use "
             "robust.servo.feedforward"
         )
     T_ref = _on_time_base(reference, loop.dt)

@@ -288,7 +288,7 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     assert said.splitlines()[-1] == "VERIFIED"
     code, said, _ = robust_command("check m.json K.json --delay 0.001 --proof lmi")
     assert code == 1
-    assert "every alias of a continuous plant counts" in unwrapped(said)
+    assert "no inequality covers the aliases of a continuous plant" in unwrapped(said)
     code, said, _ = robust_command("verify r.certificate.json --controller other.json")
     assert code == 1
     assert "the controller: NOT verified: not the one of the certificate" in said

@@ -228,7 +228,7 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq
     held = sum((a * r for a, r in zip(command_row, rest, strict=True)), start=to_rational(0.0))
     left = to_rational(own.limit) - to_rational(own.Fs) * abs(held)
     if left <= 0:
-        return "holding the friction takes all of the limit"
+        return "the friction alone uses up the limit"
     V = to_rational_matrix(claim.V)
     wide = [*command_row, *[to_rational(0.0)] * (size - m)]
     read = V.transpose() * fmpq_mat([[a] for a in wide])

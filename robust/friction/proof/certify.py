@@ -203,14 +203,14 @@ class FrictionProof:
     def facts(self) -> tuple[Fact, ...]:
         """Return the verdict with its claim, what is left open, the bound for any friction, and what is not claimed."""
         settles, bounded = self.verdict is FrictionVerdict.SETTLES, np.isfinite(self.error_bound)
-        kick = f"surely, from a kick of {self.kick_sure:.3g} {self.units.velocity}"
+        kick = f"certain after a kick of {self.kick_sure:.3g} {self.units.velocity}"
         return (
             Fact(self.verdict, self.claim or self.reason),
             Fact("rest not decided" if settles else "because", self.reason if self.claim else ""),
             Fact(
                 "any friction",
                 format_length(self.error_bound, self.units.position) if bounded else "",
-                meaning="off at most in the end, at rest or hunting, up to the given force and in proportion to it",
+                meaning="largest distance in the end, at rest or hunting, up to the given force; proportional to it",
             ),
             Fact("runs away", kick if np.isfinite(self.kick_sure) else ""),
             Fact("not claimed", self.not_claimed),

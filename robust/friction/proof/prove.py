@@ -213,8 +213,8 @@ def _describe_counterexample(
     springs = [f"{still} of {stiffness / 1e3:.4g} {friction.units.stiffness}" for stiffness in np.atleast_1d(kappa)]
     springs = [f"{spring} at {name}" for spring, name in zip(springs, places, strict=True)] if places else springs
     return (
-        f"not every friction of the class: with {' and '.join(springs)} that does not "
-        f"slip, its rests are unstable ({size}); yours may be another member"
+        f"refuted for the class: with {' and '.join(springs)} that does not "
+        f"slip, its rests are unstable ({size}); your friction may be another member"
     )
 
 

@@ -343,7 +343,7 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
     rest, offset = cut.loop.rest()
     left = known.limit - known.Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
     if left <= 0:
-        return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit")
+        return nothing(FrictionVerdict.NOT_DECIDED, "the friction alone uses up the limit")
     if not machine.velocity @ machine.B_port > 0:
         return nothing(FrictionVerdict.NOT_DECIDED, "a force at the friction port does not change the velocity at once")
     kick, share, certificate, reach = 0.0, 0.0, plain.certificate, None

@@ -100,7 +100,7 @@ REPORTED = {
     "K0": ("presliding stiffness K0", "kF/L", 1e-3),
     "Fs": ("break-away force Fs", "F", 1.0),
     "coulomb": ("Coulomb friction", "F", 1.0),
-    "offset": ("force that does not turn", "F", 1.0),
+    "offset": ("constant force offset", "F", 1.0),
     "stiction": ("stiction over Coulomb friction", "", 1.0),
     "delay": ("delay with lag", "ms", 1e3),
     "load_mass": ("mass of the load", "F s^2/L", 1.0),

@@ -94,7 +94,7 @@ def friction_class(
     records = [one for one in levels if isinstance(one, Record)]
     measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
     if len(records) + len(measured) < len(levels):
-        raise ValueError(f"blas must be a list of BLAs of one input and output, or of Records, got {short_form(blas)}")
+        raise ValueError(f"blas must be BLAs with one input and output, or Records, in a list, got {short_form(blas)}")
     if records and measured:
         raise ValueError(
             f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a BLA has lost the "

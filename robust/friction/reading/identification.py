@@ -661,7 +661,7 @@ def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     """Return the records of at least three levels of one axis, the highest force first; refuse anything else."""
     levels = list(records) if isinstance(records, Iterable) else records
     if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
-        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(levels)}")
+        raise ValueError(f"records must be a list of Records with one input and output, got {short_form(levels)}")
     units = [(record.y_unit, record.u_unit) for record in levels]
     require_levels("records", units, [record.lines.excited.size for record in levels])
     return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)

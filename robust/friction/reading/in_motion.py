@@ -139,7 +139,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     """
     records, speeds = list(records), np.asarray(velocities, dtype=float)
     if not records or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
-        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(records)}")
+        raise ValueError(f"records must be a list of Records with one input and output, got {short_form(records)}")
     if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
         raise ValueError(f"velocities must be one for each of the {len(records)} records, none zero, got {speeds}")
     if masses not in (1, 2):

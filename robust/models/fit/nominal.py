@@ -356,8 +356,8 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
     if one_record and ratio > _COST_LIMIT:
         data_warning(
-            f"a nominal model of {fit.G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
-            f"scatter alone would leave, and the misfit goes into the radius; {fit.describe_class_error()}",
+            f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost is {ratio:.3g} times "
+            f"that of scatter alone, and the misfit is added to the radius; {fit.describe_class_error()}",
             DesignWarning,
         )
     far = _poles_outside(fit.G, omega)
@@ -366,7 +366,7 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
         data_warning(
             f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
             f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. "
-            "Measure there, or take fewer poles where the FRF allows it",
+            "Measure there, or use fewer poles if the FRF allows it",
             DesignWarning,
         )
 
@@ -392,11 +392,11 @@ def checked_weight(
     if excess > _EXCESSIVE_RATIO:
         data_warning(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
-            "lines: the set is much larger than what was measured asks for. "
+            "lines: the set is much larger than the measurement requires. "
             + (
-                "Leave its order out"
+                "Leave out the order, so that it is chosen"
                 if order is not None and order < MAX_CHOSEN_ORDER
-                else "Its radius scatters from line to line, which no weight follows: average more realisations"
+                else "The radius scatters from line to line, which no weight follows: average more realisations"
             ),
             DesignWarning,
         )
@@ -487,7 +487,7 @@ class NominalFit:
         delays_in_ms = ", ".join(f"{1e3 * tau:.3g}" for tau in delays)
         return (
             f"nominal model: {self.G.nstates} poles, {kind}, delay {delays_in_ms} ms; "
-            f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
+            f"cost {self.cost:.4g}, {ratio:.3g} times that of scatter alone"
             + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
             + (f"\n  {self.describe_class_error()}" if np.any(self.class_std) else "")
             + format_roots(self.uncertainty, bool(self.G.dt), self.unit)
@@ -728,8 +728,8 @@ def _bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | No
     """Return the `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
-            f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs; or give "
-            "nlfrf.bla_from_frf of it, which takes coherence, too"
+            f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs. Or give "
+            "nlfrf.bla_from_frf(...) of it, which also takes a coherence"
         )
     G = np.asarray(frf.frdata, dtype=complex)
     several = G.shape[:2] != (1, 1)

@@ -184,7 +184,7 @@ def _fit_spectra(
         found = [side.value for side in sides]
         if found[0] is not None and found[1] is not None:
             return found[0], found[1]
-    raise WeightOrderError(f"order must leave a weight over the matrices, got none with {poles[0].size} poles")
+    raise WeightOrderError(f"order must allow a weight that covers the matrices, got none with {poles[0].size} poles")
 
 
 def _spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
@@ -205,7 +205,7 @@ def _spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
         except (np.linalg.LinAlgError, ValueError):
             continue
         return control.StateSpace(A, (B - X @ C.T) @ np.linalg.inv(root), C, root, remove_useless_states=False)
-    raise WeightOrderError(f"order must leave a weight over the matrices, got no factor with {poles.size} poles")
+    raise WeightOrderError(f"order must allow a weight that covers the matrices, got none with {poles.size} poles")
 
 
 def _fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -486,10 +486,10 @@ def fit_weight(
         return fit
     for enough in range(order + 1, _MAX_ORDER + 1):
         if _best_weight(demand, enough).mean_excess_db < _MAX_MEAN_EXCESS_DB:
-            cure = f"Order {enough} would do."
+            cure = f"Order {enough} is enough."
             break
     else:
-        cure = f"No order up to {_MAX_ORDER} would do: is the radius in the unit and range you expect?"
+        cure = f"No order up to {_MAX_ORDER} is enough: check unit and range of the radius."
     raise WeightOrderError(
         f"order must be high enough to cover the radius with a mean excess under {_MAX_MEAN_EXCESS_DB:g} dB, "
         f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
@@ -638,7 +638,7 @@ def _checked_demand(omega: np.ndarray, radius: np.ndarray, dt: float, importance
     if omega.size < 2 or radius.shape != omega.shape:
         raise ValueError(f"radius must have one value per frequency, at least two, got {radius.size} for {omega.size}")
     if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
-        raise ValueError(f"omega must be positive and increasing, got it starting {omega[:3]}")
+        raise ValueError(f"omega must be positive and increasing, got {omega[:3]} at its start")
     if np.any(radius <= 0):
         k = int(np.argmin(radius))
         raise ValueError(f"radius must be positive, got {radius[k]:g} at {omega[k]:g} rad/s")

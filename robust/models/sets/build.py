@@ -188,7 +188,7 @@ def uncertainty(
     plants = find_plants(bla)
     is_family = bool(plants) and count_channels(plants[0]) != (1, 1)
     if plants and (simultaneous or systematic is not None or W1 is not None or W2 is not None):
-        raise ValueError("simultaneous, systematic, W1 and W2 must be left out where plants are given: of a Bla")
+        raise ValueError("simultaneous, systematic, W1 and W2 must be left out with plants: they belong to a Bla")
     if is_family:
         return make_family_set(
             plants,
@@ -201,22 +201,22 @@ def uncertainty(
             omega_B=omega_B,
         )
     if is_full(weights) or omega_B is not None:
-        raise ValueError("weights and omega_B must be left out but for a family of plants of several channels")
+        raise ValueError("weights and omega_B must be left out, except for a family of plants with several channels")
     if plants:
         if nominal is None:
-            raise ValueError("nominal must be given for plants of one channel: see fit_nominal")
+            raise ValueError("nominal must be given for plants with one channel: see fit_nominal")
         return make_set_of_plants(plants, nominal, form=form, order=order, rules=rules, perturbation=perturbation)
     recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
     if nominal is None and not several:
-        raise ValueError("nominal must be given but for plants or records of several channels: see fit_nominal")
+        raise ValueError("nominal must be given, except for plants or records with several channels: see fit_nominal")
     if nominal is None:
         nominal = scan_orders(recorded).fit
     given = nominal.G if isinstance(nominal, NominalFit) else nominal
     if not several and count_channels(given) != (1, 1):
         raise ValueError(
-            f"bla must be a measured Bla for a nominal of {format_channels(given)}, got {short_form(bla)}; a set by "
-            f"weights of your own is {own_weights_call(given, form)}"
+            f"bla must be a measured Bla for a nominal of {format_channels(given)}, got {short_form(bla)}; for weights "
+            f"of your own use {own_weights_call(given, form)}"
         )
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
@@ -277,12 +277,12 @@ def uncertainty(
 _NEAR_LARGEST = 4.0
 #: Remedy for each part of a radius.
 _CURES = {
-    "noise": "more periods average noise",
-    "odd": "another level, or more realisations, change odd distortion",
-    "even": "an offset or an asymmetry makes even distortion",
-    "misfit": "the nominal misses the machine there: name the crossover (omega_c, --bandwidth), or compare orders",
-    "level": "the plant changes with the level: narrow the levels",
-    "systematic": "a second level measures the systematic part",
+    "noise": "average more periods",
+    "odd": "measure at another level, or use more realisations",
+    "even": "look for an offset or an asymmetry",
+    "misfit": "the nominal does not fit there; name the crossover (omega_c, --bandwidth), or compare orders",
+    "level": "narrow the range of levels",
+    "systematic": "measure at a second level",
 }
 
 
@@ -297,7 +297,8 @@ def _warn_of_radius(model: UncertaintyModel) -> None:
     data_warning(
         f"the radius of the set reaches {relative[k]:.3g} of |G| below the crossover of {format_hertz(crossover)}, at "
         f"{format_hertz(model.omega[k])}: no loop "
-        f"with that bandwidth is robust. It is {shares[0][1]} for {100 * shares[0][0]:.0f} %: {_CURES[shares[0][1]]}",
+        f"with that bandwidth is robust. Its largest part is {shares[0][1]}, {100 * shares[0][0]:.0f} %: "
+        f"{_CURES[shares[0][1]]}",
         DesignWarning,
     )
 
@@ -409,8 +410,8 @@ def _single_records(bla: object) -> list[Bla]:
     many: list[Any] = list(bla) if isinstance(bla, list | tuple) else [bla]
     if not many or not all(map(is_single, many)):
         raise ValueError(
-            f"bla must be an nlfrf.Bla, a list of them, or plants (FRFs or systems), got {short_form(bla)}; a radius "
-            "of your own makes a set by UncertaintyModel.from_radius(nominal, omega, radius)"
+            f"bla must be an nlfrf.Bla, a list of them, or plants (FRFs or systems), got {short_form(bla)}; for a "
+            "radius of your own use UncertaintyModel.from_radius(nominal, omega, radius)"
         )
     return many
 

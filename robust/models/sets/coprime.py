@@ -170,7 +170,7 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
     if not off <= _FACTOR_TOLERANCE:
         raise ValueError(
-            f"nominal must be one whose coprime factors floating point can tell, got factors off by {off:.2g} "
+            f"nominal must have coprime factors that floating point resolves, got factors with an error of {off:.2g} "
             "(numerical failure). Other units or fewer states may help"
         )
 
@@ -199,7 +199,7 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
-            "weight must stay below one at all frequencies for plants of the set to be made, got one that reaches it"
+            "weight must stay below one at all frequencies to make plants of the set, got one that reaches it"
         )
     root = np.sqrt(1 - D.T @ D)
     gain, back = -(B.T @ Y + D.T @ C) / root, 1 / root

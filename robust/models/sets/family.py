@@ -94,7 +94,7 @@ class _Family:
             singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < _MAX_CONDITION, axis=0)
             if singular.any():
                 raise ValueError(
-                    f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "
+                    f"form must be elements or additive for a plant that is nearly singular, got {form} and one at "
                     f"{self.omega[singular.argmax()]:.4g} rad/s"
                 )
         E = _between_lines(row.deviation(self.G_p, self.G), self.omega)
@@ -102,7 +102,7 @@ class _Family:
         far = row.deviation(members, nominal) if ends.size else np.zeros(0)
         if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > _MAX_RISE * np.abs(E).max():
             raise ValueError(
-                f"form must leave every deviation finite at all frequencies, got {form}, in which one is not"
+                f"form must leave every deviation finite at all frequencies, got {form} with an infinite one"
             )
         return E
 
@@ -261,7 +261,7 @@ def find_plants(given: object) -> list[AnySystem]:
     is_matrix = any(_is_plant(one) and count_channels(one) != (1, 1) for one in many)
     other = next((one for one in many if not _is_plant(one) or (count_channels(one) != (1, 1)) != is_matrix), None)
     if other is not None:
-        which = "of several channels " if is_matrix else ""
+        which = "with several channels " if is_matrix else ""
         raise ValueError(f"bla must be all plants {which}(systems or FRFs), got {short_form(other)}")
     return many
 
@@ -274,7 +274,7 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
     """Return the family on the lines of its FRFs, which must be the same, or else on lines about its poles."""
     many = find_plants(plants)
     if not many or count_channels(many[0]) == (1, 1):
-        raise ValueError(f"plants must be systems or FRFs of several inputs and outputs, got {short_form(plants)}")
+        raise ValueError(f"plants must be systems or FRFs with several inputs and outputs, got {short_form(plants)}")
     shape = count_channels(many[0])
     frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]
     systems = [multivariable("bla", plant) for plant in many if not isinstance(plant, control.FrequencyResponseData)]
@@ -284,7 +284,7 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
     if frfs:
         omega = np.asarray(frfs[0].omega, dtype=float)
         if any(len(frf.omega) != omega.size or not np.allclose(frf.omega, omega, rtol=1e-9) for frf in frfs):
-            raise ValueError("bla must be FRFs on the same lines, got others: interpolate them first")
+            raise ValueError("bla must be FRFs on the same lines, got different lines: interpolate them first")
     else:
         omega = _lines_of_systems(known)
     G_p = _members_on_lines([*frfs, *systems], omega, tuple(known), shape)
@@ -302,7 +302,7 @@ def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
     if isinstance(nominal, control.FrequencyResponseData):
-        raise ValueError("nominal must be a system or a NominalFit for plants of several channels, got an FRF")
+        raise ValueError("nominal must be a system or a NominalFit for plants with several channels, got an FRF")
     return multivariable("nominal", nominal)
 
 
@@ -361,8 +361,8 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
         raise ValueError(f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one")
     if least > 1 / _MISFIT_SHARE:
         data_warning(
-            f"nominal must be near the middle of the plants for a small set, and the one that was found is "
-            f"{_MISFIT_SHARE * least:.2g} times their spread away from it: give one",
+            f"nominal must be near the middle of the plants for a small set, and the one found is "
+            f"{_MISFIT_SHARE * least:.2g} times their spread away from it: give a nominal",
             DesignWarning,
         )
     return best
@@ -391,7 +391,7 @@ def make_family_set(
         )
         ranking = _rank_forms(family, bandwidth, full=full)
         form = ranking.best
-        chosen = f"; of {len(ranking.forms)} forms that of the least weight times |T| or |S| at {bandwidth:.3g} rad/s"
+        chosen = f"; chosen from {len(ranking.forms)} forms by the weight times |T| or |S| at {bandwidth:.3g} rad/s"
     require_choice("form", form, (*MATRIX_FORMS, AUTO))
     if form == ELEMENTS and full:
         raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
@@ -404,7 +404,7 @@ def make_family_set(
         return hold(full=True)
     except ValueError as error:
         model = hold(full=False)
-        data_warning(f"weights must be diagonal for these plants, and are: with full ones, {error}", DesignWarning)
+        data_warning(f"weights were made diagonal for these plants: with full weights, {error}", DesignWarning)
         return model
 
 
@@ -422,8 +422,8 @@ def _hold_family(
     lift, at = float(reach.sizes.max()), float(reach.omega[reach.sizes.argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
-            f"form and order must leave stable proper weights over every deviation, got {form} of order {order} with a "
-            f"plant {lift:.3g} times as far from the nominal as they reach, at {at:.3g} rad/s"
+            f"form and order must allow stable proper weights over every deviation, got {form} of order {order} with a "
+            f"plant {lift:.3g} times as far from the nominal as the weights reach, at {at:.3g} rad/s"
         )
     return _lift_set(
         model,

@@ -114,7 +114,7 @@ class Form:
             k = int(np.argmax(used))
             limit = "|G| + 1/|G| of the scaled plant" if self.depends_on_units else "|G|"
             raise ValueError(
-                f"form must be multiplicative or additive where the radius reaches {limit}, got {self.name} with a "
+                f"form must be multiplicative or additive if the radius reaches {limit}, got {self.name} with a "
                 f"radius of {absolute[k] / center[k]:.3g} |G| at {omega[k] / 2 / np.pi:.4g} Hz"
             )
         return self.radius_scale(center, absolute)
@@ -382,8 +382,8 @@ def relative_radius(form: str, w: Array, size: Array) -> Array:
     row = FORMS[form]
     if row.relative_weight is None:
         raise ValueError(
-            f"form must be a relative deviation of the plant here, got {form}. Take another form of the same "
-            "measurement, or ncfsyn, and check with this one"
+            f"form must be a relative deviation of the plant here, got {form}. Design with another form of the same "
+            "measurement, or with ncfsyn, and check with this form"
         )
     return row.relative_weight(w, size)
 

@@ -260,4 +260,4 @@ def _require_known_signals(named_in: list[str], named_out: list[str], *, read: l
             )
     for label in named_in:
         if label not in {*named_out, *external}:
-            raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
+            raise ValueError(f"systems must have every input driven, got none that drives {label!r}")

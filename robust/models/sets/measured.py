@@ -56,9 +56,9 @@ def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     fs = origin_of(model).fs
     if dt * fs < _RATE_RATIO:
         data_warning(
-            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
-            ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
-            'command) or hold="band-limited" (u was measured behind the hold)',
+            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: a hold is added here,"
+            ' and the record contains one already if u was the command of a converter. Load it with hold="zoh" (u is '
+            'the command) or hold="band-limited" (u was measured after the hold)',
             DesignWarning,
         )
 

@@ -213,7 +213,7 @@ def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inv
     own, *counts = (right_roots(system, inverse=inverse) for system in systems)
     if set(counts) - {own}:
         raise ValueError(
-            f"form must be {'one that is not' if inverse else 'an'} inverse where the number of "
-            f"{'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with {own} of the nominal "
-            f"and {min(counts)} to {max(counts)} of the plants"
+            f"form must be {'one that is not' if inverse else 'an'} inverse if the number of "
+            f"{'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with {own} for the nominal "
+            f"and {min(counts)} to {max(counts)} for the plants"
         )

@@ -252,7 +252,7 @@ class UncertaintyModel:
             W1, W2 = self.scaling or (None, None)
             held["scaling"] = tuple(invertible_scaling(name, W, self.nominal) for name, W in (("W1", W1), ("W2", W2)))
         elif self.scaling:
-            raise ValueError(f"W1 and W2 must be left out but for the coprime form, got scaling with {self.form}")
+            raise ValueError(f"W1 and W2 must be left out except for the coprime form, got scaling with {self.form}")
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
 
@@ -311,12 +311,12 @@ class UncertaintyModel:
         ('multiplicative', 2, True)
         """
         if FORMS[require_choice("form", form, tuple(FORMS))].depends_on_units:
-            raise ValueError(f"form must not depend on units where the radius is your own, got {form}")
+            raise ValueError(f"form must not depend on units with a radius of your own, got {form}")
         rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
         order = None if order is None else require_integer("order", order, least=0)
         omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
         if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
-            raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
+            raise ValueError("radius must be positive, one value for each omega, and omega positive and increasing")
         plant, delay = single_nominal(nominal)
         weight = fit_covering_weight(omega, radius, order=order, rules=rules, dt=sampling_time_of(plant))
         return cls(
@@ -342,7 +342,7 @@ class UncertaintyModel:
                 held.update(one, left=(), right=())
         elif count_channels(self.nominal) != (1, 1):
             raise ValueError(
-                f"left and right must hold the weights of a plant of {format_channels(self.nominal)}, got weight "
+                f"left and right must be the weights for a plant with {format_channels(self.nominal)}, got weight "
                 f"{short_form(self.weight)}: {own_weights_call(self.nominal, self.form)}"
             )
 
@@ -423,7 +423,7 @@ class UncertaintyModel:
     def __str__(self) -> str:
         single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)
         whole = "FRF" if single else "matrix"
-        of = "" if single else f" of {self.n_outputs} outputs by {self.n_inputs} inputs"
+        of = "" if single else f" with {self.n_outputs} outputs and {self.n_inputs} inputs"
         percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
@@ -446,7 +446,7 @@ class UncertaintyModel:
             f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; "
             f"{self.origin.extrapolation}"
             + self.describe_radius()
-            + ("" if other is None else f", beside it a set of the form {other.form}")
+            + ("" if other is None else f", with a second set in the {other.form} form")
             + (f"; subject to {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
@@ -612,7 +612,7 @@ class UncertaintyModel:
 
         For an inverse form it is an upper bound, which is infinite where the set is unbounded.
         """
-        require_several_channels(self, "have entries", "nominal and radius say it of one")
+        require_several_channels(self, "have entries", "use nominal and radius")
         if self.form == ELEMENTS:
             return np.swapaxes(self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
         n_z, n_d = self.block_shape
@@ -722,7 +722,7 @@ class UncertaintyModel:
 
     def open_loop(self) -> control.StateSpace:
         """Return the system from (outputs of Delta, u) to (inputs of Delta, y), for several channels."""
-        require_several_channels(self, "have its perturbations pulled out", "check takes one")
+        require_several_channels(self, "have its perturbations pulled out", "use check")
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs
         W_l, W_r = self.side_weights()
@@ -833,7 +833,7 @@ def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
 def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
     """Refuse a set of one input and one output, and name the alternative."""
     if model.is_single:
-        raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
+        raise ValueError(f"model must have several channels to {purpose}, got one input and one output: {instead}")
 
 
 def require_record_form(model: UncertaintyModel, purpose: str) -> None:
@@ -850,8 +850,8 @@ def describe_no_set(thing: object) -> str:
     if not isinstance(thing, UncertainSystem):
         return short_form(thing)
     return (
-        "an UncertainSystem: check_structure(system) checks it, and print of its report gives the worst perturbation "
-        "found; robust.mu.worst_gain(system.N, system.structure, omega) bounds the largest gain"
+        "an UncertainSystem: use check_structure(system), whose report contains the worst perturbation found; "
+        "robust.mu.worst_gain(system.N, system.structure, omega) bounds the largest gain"
     )
 
 
@@ -867,7 +867,7 @@ def require_one_channel(model: object, instead: str, purpose: str, *, parametric
     """Refuse an object that is no set of one input and one output; for several channels, name the alternative."""
     if has_several_channels(model):
         raise ValueError(
-            f"model must be of one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
+            f"model must have one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
         )
     if parametric:
         require_parametric(model, purpose)

@@ -39,22 +39,22 @@ from robust.models.sets.radius import (
 _MAX_RELATIVE_STD = 0.5  # relative standard deviation above which a pole is reported
 _MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero, below which they are reported
 _OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
-_UNSURE = "poles of no significance"
+_UNSURE = "insignificant poles"
 _LEAST_DAMPING = 1e-4  # damping of a pair above the band, below which it is undamped
 #: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its limit.
 _ENOUGH = 0.5
 NEAR_BEST = 1.1  # the smallest order within this factor of the best is taken
 #: Last line of a scan that is printed, by whether a crossover was named.
 _CRITERION_TEXT = (
-    "criterion: negative log likelihood, in units of what scatter leaves on a line, plus ln(2 lines)/2 for each "
-    "parameter; taken is the lowest of the fits that scatter explains and the data carry. Where scatter explains none, "
-    f"the smallest order that lets a loop cross over as high as any, within {NEAR_BEST - 1:.0%}: up to there |T_c| "
-    f"times the radius of the set stays below {_ENOUGH:g}"
+    "criterion: negative log likelihood, in units of its expected value from scatter on one line, plus ln(2 lines)/2 "
+    "for each parameter. Taken is the lowest criterion among the fits that scatter explains and whose roots are "
+    "significant. If scatter explains none: the smallest order whose crossover reaches the highest one, within "
+    f"{NEAR_BEST - 1:.0%}; up to the crossover |T_c| times the radius of the set stays below {_ENOUGH:g}"
 )
 _CROSSOVER_TEXT = (
-    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, |T_c| of a "
+    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, with T_c of a "
     f"loop with that crossover. Taken is the smallest order below {_ENOUGH:g}, or within {NEAR_BEST - 1:.0%} of the "
-    "best, by roots that the data carry where they leave it below one. Higher orders are not tried where no nominal "
+    "best; fits with significant roots come first if they stay below one. Higher orders are not tried if no nominal "
     "could be better"
 )
 
@@ -493,7 +493,7 @@ def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
         _OUTSIDE: poles[outside & ~undamped],
         UNDAMPED: poles[undamped],
         _UNSURE: poles[unsure],
-        "poles that zeros cancel but for scatter": poles[cancelled],
-        "zeros above the band of no significance": zeros[far],
+        "poles cancelled by zeros within scatter": poles[cancelled],
+        "insignificant zeros above the band": zeros[far],
     }
     return {kind: roots for kind, roots in kinds.items() if roots.size}

@@ -120,8 +120,8 @@ def fit_extrapolated(
         if rules.below == rules.above == 0:
             raise
         raise WeightOrderError(
-            f"{error} Outside the measured lines the radius was continued ({rules}), which a weight of low order "
-            'cannot follow: above="flat" and below="flat" keep it level there'
+            f"{error} Outside the measured lines the radius was extrapolated ({rules}), which a weight of low order "
+            'cannot follow: above="flat" and below="flat" keep it constant there'
         ) from None
 
 
@@ -135,7 +135,7 @@ def nominal_response(nominal: control.StateSpace | control.FrequencyResponseData
         return G[0, 0] if G.shape[:2] == (1, 1) else G
     known, G = frequency_response("nominal", nominal, omega)
     if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
-        raise ValueError("nominal must be an FRF over the whole band of bla, got one that is shorter")
+        raise ValueError("nominal must be an FRF over the whole band of bla, got a shorter one")
     return interpolate_frf(omega, known, G)
 
 
@@ -289,7 +289,7 @@ def radius_in_form(
     try:
         return factor, wide, there * form.radius_factor(wide, there, size * scale)
     except ValueError as error:
-        raise ValueError(f"below and above must leave a radius outside the band too: {error}") from None
+        raise ValueError(f"below and above must give a radius outside the band: {error}") from None
 
 
 def resolve_scaling(

@@ -43,7 +43,7 @@ def make_set_of_plants(
     """Return a set for one channel around a nominal that contains every plant."""
     row = FORMS[require_choice("form", form, tuple(FORMS))]
     if row.depends_on_units:
-        raise ValueError(f"form must not depend on units where plants are given, got {form}")
+        raise ValueError(f"form must not depend on units with plants, got {form}")
     centre, delay = single_nominal(nominal)
     dt, is_frf = sampling_time_of(centre), isinstance(centre, control.FrequencyResponseData)
     omega, radius = _radius_of_plants(plants, centre, row)
@@ -110,8 +110,8 @@ def _lines_of_frfs(
     known = [plant for plant in [*plants, nominal] if isinstance(plant, control.FrequencyResponseData)]
     if not known:
         raise ValueError(
-            "bla must hold an FRF, whose lines are those on which plants and nominal are compared: "
-            "uncertainty([control.frd(plant, omega)], nominal). A weight that is known already makes a set by "
+            "bla must contain an FRF, because plants and nominal are compared on its lines: "
+            "uncertainty([control.frd(plant, omega)], nominal). For a known weight use "
             "UncertaintyModel(nominal, weight, form, omega, radius)"
         )
     return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))

@@ -76,9 +76,9 @@ class DesignTask:
         """Return STABLE if loop and controller keep their numbers of unstable poles from old to new, or the reason."""
         P_old, P = self.loop(old), self.loop(new)
         if not np.all((P * P_old.conj()).real[self.at.known] > 0):
-            return Stability.UNSTABLE, "the loop changes"
+            return Stability.UNSTABLE, "the number of unstable poles of the loop may change"
         if not np.all(linear_rows(self, old) @ new >= 0):
-            return Stability.UNSTABLE, "the controller changes"
+            return Stability.UNSTABLE, "the number of unstable poles of the controller may change"
         zeros, poles = self.basis.zeros_and_poles(new)
         if zeros.size > poles.size:  # a pole of the start beyond the fastest one has gone to infinity
             return Stability.UNSTABLE, "the controller is not proper"
@@ -236,7 +236,7 @@ def _improve_start(
         step, T = _convex_step(task, theta, mask=mask, level=level)
         eta, trouble = solve_step(step)
         if eta is None:
-            why = f"{trouble}; the last controller before is kept"
+            why = f"{trouble}; the previous controller is kept"
             break
         new = T @ eta
         before = task.merit(theta)

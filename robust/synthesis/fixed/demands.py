@@ -110,7 +110,7 @@ def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[D
     ends = np.concatenate([np.zeros(0, dtype=int), *lasts])
     if not ends.size:
         return []
-    name = f"|L| <= {most:g} from the last line on, above which the plant is not known"
+    name = f"|L| <= {most:g} from the last line on, above which the plant is unknown"
     return [demand_row(name, at, a=0.0, b=(np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 

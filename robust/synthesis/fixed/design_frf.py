@@ -182,7 +182,7 @@ def design_frf(
         return close_in_turn(plant, structure, asked)
     if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
         raise ValueError(
-            "plant must be one Bla or UncertaintyModel of several channels or a list of single loops, got a list of "
-            "matrices"
+            "plant must be one Bla or UncertaintyModel with several channels, or a list of single loops, got a list "
+            "of matrices"
         )
     return design_loop(plant, cast("str", structure), asked)

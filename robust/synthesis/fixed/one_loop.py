@@ -106,9 +106,9 @@ def design_loop(
     family = [look(p) for p in plants]
     basis = _structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
-        raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
+        raise ValueError(f"positive must be used with {', '.join(PID_PARTS)}, got it with {shape.name!r}")
     if positive_gains and not is_constant(basis.fixed):
-        raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
+        raise ValueError("positive must be left out with a fixed factor: the product is not a PID")
     if positive_gains and shape.free:
         return _best_filter(plant, structure, basis=basis, options=options)
 
@@ -156,7 +156,7 @@ def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
         keep = (2 * filter_time - dt) / (2 * filter_time + dt)
         warnings.warn(
             f"filter_time {filter_time:g} s is below half a sample of {1e3 * dt:g} ms: the derivative rings, d[k] = "
-            f"{keep:.3g} d[k-1] + ...; two samples are {2 * dt:g} s",
+            f"{keep:.3g} d[k-1] + ...; use two samples, {2 * dt:g} s",
             DesignWarning,
             stacklevel=4,
         )
@@ -167,8 +167,8 @@ def _warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
     for at in family:
         if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
             warnings.warn(
-                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: a mode above them is not known, and "
-                "may make the loop unstable. Measure beyond it, or lower end_gain",
+                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: an unknown mode above them may make "
+                "the loop unstable. Measure at higher frequency, or lower end_gain",
                 DesignWarning,
                 stacklevel=4,
             )
@@ -272,7 +272,7 @@ def _best_proved(
             proved.append((lowered, history, f"{why}; {text}"))
     if not proved:
         raise ValueError(
-            "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
+            "prove must be a class for which some gain of the controller is proved, got none at 1, 1/2, ... 1/512"
         )
     return min(proved, key=lambda one: task.merit(one[0]))
 
@@ -301,7 +301,7 @@ def _split_demands(
     weighted = not (w_P is None and w_T is None and w_u is None)
     aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
     if aim == "gamma" and not weighted:
-        raise ValueError('aim must be "gain" where no weight w_P, w_T or w_u is given, got "gamma"')
+        raise ValueError('aim must be "gain" without a weight w_P, w_T or w_u, got "gamma"')
     rows = limit_rows(
         at,
         M_S=options["M_S"],
@@ -314,7 +314,7 @@ def _split_demands(
     if aim == "gain":
         rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)
         if not rows and family:
-            raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
+            raise ValueError("M_S (or another limit, or a weight) must be given, got no demand on the loop")
     return aim, objective_row(at, w_P, w_T, w_u), rows + end_row(family, at, end_gain)
 
 
@@ -369,11 +369,11 @@ def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoRetur
         why = loops_stable(K, task.family, task.n_unstable)[1]
         raise ValueError(f"start must stabilise the plant, got one with which {why}")
     plants = "every plant" if len(task.family) > 1 else "the plant"
-    gains = " of positive gains" if task.positive else ""
+    gains = " with positive gains" if task.positive else ""
     gaps = [gap for at in task.family if (gap := _describe_phase_gap(at))]
-    because = gaps[0] if gaps else "Or take a structure of higher order"
+    because = gaps[0] if gaps else "Or use a structure of higher order"
     if task.positive and all(read_below(*at.measured)[0].sign < 0 for at in task.family):
-        because = "Its phase says that y falls as u rises: change the sign of one of them"
+        because = "By its phase y falls as u rises: change the sign of one of them"
     raise ValueError(
         f"{'positive' if task.positive else 'start'} must be {'left out' if task.positive else 'given'}: no simple "
         f"{task.basis.structure.name} controller{gains} was found that stabilises {plants}. {because}"
@@ -390,8 +390,8 @@ def _describe_phase_gap(at: PlantOnLines) -> str:
     k = gaps[np.argmax(np.abs(G[gaps]))]
     return (
         f"Between its lines at {omega[k]:.4g} and {omega[k + 1]:.4g} rad/s the phase of the FRF turns by "
-        f"{np.degrees(turn[k]):.0f} deg, and how often 1 + L winds about zero cannot be counted across that: measure "
-        "lines between them, or fit a nominal and design for that"
+        f"{np.degrees(turn[k]):.0f} deg, too much for a winding number of 1 + L: measure lines between them, or design "
+        "for a fitted nominal"
     )
 
 
@@ -487,8 +487,8 @@ def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, o
     return replace(
         design,
         n_lines=n_lines,
-        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a mode that "
-        f"they do not show may miss {name} by a factor {worst:.4g}",
+        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a hidden mode "
+        f"may violate {name} by a factor {worst:.4g}",
     )
 
 

@@ -141,10 +141,10 @@ def close_in_turn(
     bad += [f"not found: {whole}"] if whole else []
     text = (
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
-        "designed again where it fell short"
+        "designed again if it failed"
     )
     n_lines = max(loop.n_lines for loop in loops)
-    text += f"; each met on {n_lines} lines, between two of which a mode may miss it" * (n_lines > 0)
+    text += f"; each met on {n_lines} lines, between two of which a mode may violate it" * (n_lines > 0)
     undecided = any(loop.stability is Stability.UNDECIDED for loop in loops)
     return Design(
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
@@ -165,7 +165,7 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
             f"{plant.n_outputs} outputs"
         )
     if options["prove"] is not None:
-        raise ValueError("prove must be left out of a design for a matrix: friction is proved of a single loop")
+        raise ValueError("prove must be left out of a design for a matrix: friction is proved for a single loop only")
     dt = require_nonnegative("dt", options["dt"])
     require_nonnegative("delay", options["delay"])
     if n_unstable := require_integer("n_unstable", options["n_unstable"], least=0):
@@ -177,13 +177,13 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
     step = timebase(plant.nominal)
     if options["delay"] or (dt and dt != step):
         raise ValueError(
-            f"dt and delay must be in the nominal of several channels, by sampled(), got {dt:g} s and "
-            f"{options['delay']:g} s on top of a nominal at {step:g} s"
+            f"dt and delay must be in the nominal for several channels, got {dt:g} s and {options['delay']:g} s in "
+            f"addition to a nominal at {step:g} s: use sampled()"
         )
     wild = unstable_pole_values(plant.nominal, step)
     if wild.size:
         raise ValueError(
-            f"plant must be stable but for integrators for loops to be closed in turn, got a pole at {wild[0]:.4g}: "
+            f"plant must be stable except for integrators to close loops in turn, got a pole at {wild[0]:.4g}: "
             "dk_iteration and ncfsyn stabilise it with a full controller"
         )
     return step
@@ -195,7 +195,7 @@ def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], opt
     for name in (*_PER_LOOP_OPTIONS, "structure"):
         given = own[name]
         if isinstance(given, list) and len(given) != n:
-            raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
+            raise ValueError(f"{name} must have one entry for each of {n} loops if it is a list, got {len(given)}")
         own[name] = given[k] if isinstance(given, list) else given
     return own.pop("structure"), own
 
@@ -307,7 +307,7 @@ def _check_whole_set(
         try:
             report = check(plant, block_diagonal(K, dt))
         except ValueError as error:
-            return f"the whole cannot be checked: {error}", np.nan
+            return f"the whole loop cannot be checked: {error}", np.nan
         good = report.proofs.robustly_stable
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margins.rs)
     finer = on_lines.with_modes(K)  # for all controllers: the plant of one loop contains the modes of the others
@@ -333,6 +333,6 @@ def check_sequential_stability(
         readings = read_below(loop.omega, loop.G, loop.radius)
         turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
-            return f"the whole is not known to be stable: {_loop_name(plant, k)} winds {turns} times about zero"
+            return f"the whole loop is not shown to be stable: {_loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]
     return ""

@@ -114,8 +114,8 @@ def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_u
             return (
                 f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF may be that of a "
                 f"plant {at.readings[0]}, or {open_ones[0]}, and the loop is known to be stable with the first only. "
-                "Lines at lower frequency decide it (a longer period, --period, and a lower --f-min); or state "
-                "plant_integrators=, or positive=True where y rises as u rises"
+                "Measure at lower frequency (a longer period, --period, and a lower --f-min), or state "
+                "plant_integrators=, or positive=True if y rises as u rises"
             )
     return ""
 

@@ -259,7 +259,7 @@ class Basis:
         """
         shape = self.structure
         if shape.name not in PID_PARTS or shape.free:
-            raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got {shape.name!r}")
+            raise ValueError(f"positive must be used with {', '.join(PID_PARTS)}, got {shape.name!r}")
         T = np.array([self.polynomial(e) for e in np.eye(self.n_x)]).T[::-1]  # coefficients, lowest power first
         filter_time = self.a * sum((-1 / p).real for p in shape.poles)
         rows = [T[0]]

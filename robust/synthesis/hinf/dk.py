@@ -104,7 +104,7 @@ class DkDesign(Unpacked):
         if not np.isfinite(self.mu):
             return f"no controller: {self.reason}"
         proved = self.certificate is not None and self.certificate.holds
-        below = "robust performance" if self.mu < 1 else "robust performance not reached, as it is not below 1"
+        below = "robust performance" if self.mu < 1 else "no robust performance, because mu is not below 1"
         return (
             f"{describe_controller(self.K)}: mu {self.mu:.4g} ({below}), "
             f"{f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
@@ -203,8 +203,8 @@ def dk_iteration(
         P, blocks, n_y, n_u = _performance_plant(P, w_P, w_u=w_u, blocks=blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError(
-            "w_P and w_u must be left out but for an UncertaintyModel of several channels: of a system they are part "
-            "of P"
+            "w_P and w_u must be left out except for an UncertaintyModel with several channels: for a system they are "
+            "part of P"
         )
     elif isinstance(P, UncertainSystem):
         P, blocks = _open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
@@ -246,7 +246,7 @@ def dk_iteration(
         if moves is None and fall < _SLOW_PROGRESS:
             moves, idle = _start_descent(P, of_best, s=s, sizes=(n_y, n_u)), 0
         if idle > _PATIENCE:
-            reason = "mu did not fall any more"
+            reason = "mu no longer decreased"
             break
     if most_states is not None and best.K.nstates > require_integer("most_states", most_states, least=0):
         best = _reduce_by_mu(P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
@@ -309,7 +309,7 @@ def _attempt(
     """Return the loop with the controller of the scaled plant, or the reason of a failure."""
     found = synthesise(_scaled_plant(P, scaling, s, sizes), *sizes, factor=_SYNTHESIS_FACTOR)
     if not found.found:
-        return [], f"synthesis found nothing: {found.reason}"
+        return [], f"the synthesis failed: {found.reason}"
     plain = decide_stability(lower_lft(P, found.K))
     if not plain.stable:
         return [], f"the loop without its scalings is {plain}"
@@ -343,7 +343,7 @@ def _move_scalings(
     """Return the loop with the scalings of the next step, or the reason why there is none."""
     functions = next(moves, None)
     if functions is None:
-        return [], "mu did not fall any more"
+        return [], "mu no longer decreased"
     scaling: list[Scaling] = [(d, biproper_inverse(d)) for d in functions]
     order = max(d.nstates for d in functions)
     return _attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
@@ -395,7 +395,7 @@ def _performance_plant(
 ) -> tuple[control.StateSpace, Blocks, int, int]:
     """Return the generalised plant of a set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
-        raise ValueError("w_P must be given for an UncertaintyModel, and no blocks: they are its own")
+        raise ValueError("w_P must be given for an UncertaintyModel, and blocks left out: the model has its own")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     weights = [("e", weight_on_time_base("w_P", w_P, dt=dt, n=n_y))]
     weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt=dt, n=n_u))]
@@ -413,9 +413,9 @@ def _open_interconnection(
         raise ValueError("blocks must be left out for an interconnection, which has its own")
     if min(n_y, n_u, *performance) < 1 and performance != (0, 0):
         raise ValueError(
-            f"n_y and n_u must be how many of the last outputs {', '.join(system.outputs) or 'none'} K reads, and of "
-            f"the last inputs {', '.join(system.inputs) or 'none'} it drives, got {n_y} and {n_u}; those before them "
-            "are the performance, and K is not among the systems"
+            f"n_y and n_u must be the number of last outputs, of {', '.join(system.outputs) or 'none'}, that K reads, "
+            f"and of last inputs, of {', '.join(system.inputs) or 'none'}, that it drives, got {n_y} and {n_u}; those "
+            "before them are the performance, and K is not among the systems"
         )
     return system.N, [*system.structure, *[performance] * (performance != (0, 0))]
 

@@ -595,7 +595,7 @@ def synthesise(
     plant = prepare_plant(P, n_y, n_u)
     hidden = hidden_mode(plant)
     if hidden:
-        raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
+        raise ValueError(f"P must be stabilisable by a controller, got one where {hidden}")
     found = _synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
     found = _settle_lower_bound(P, plant, found=found, factor=factor)
     if _is_far_from_bound(found, wanted) and found.n_steps < n_steps:
@@ -693,7 +693,7 @@ def _synthesise_singular(
     found = _synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
     late, n_tried = found.n_steps >= n_steps, nothing.n_steps + found.n_steps
     if not found.found:
-        why = _ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
+        why = _ALL_STEPS_MADE if late else "no level met the existence conditions, with any regularisation"
         return replace(nothing, n_steps=n_tried, reason=why)
     low = min(found.gamma_min, found.gamma) if found.gamma_min > _KERNEL_TOLERANCE * found.gamma else 0.0
     reason = ""
@@ -730,7 +730,7 @@ def _synthesise_regular(
         if loop is None:
             continue
         achieved = hinf_norm(loop[1])[0]
-        reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"
+        reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the requested level {gamma:.4g}"
         if late:
             reason = f"{_ALL_STEPS_MADE} with gamma between {low:.4g} and {high:.4g}"
         best = replace(best, K=loop[0], gamma=achieved, reason=reason) if achieved < best.gamma else best

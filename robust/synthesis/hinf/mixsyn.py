@@ -132,11 +132,11 @@ def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     """Return True for a model with a parametric nominal; refuse one without, or with a structured perturbation."""
     if has_several_channels(model):
         raise ValueError(
-            "model must be a plant or an UncertaintyModel, got one of several channels: dk_iteration designs for "
-            "its perturbation, mixsyn for its nominal alone (model.nominal)"
+            "model must be a plant or an UncertaintyModel, got one with several channels: use dk_iteration for its "
+            "perturbation, or mixsyn(model.nominal, ...) for its nominal alone"
         )
     if isinstance(model, UncertaintyModel) and model.measured_only:
-        raise ValueError("model must have a parametric nominal to synthesise for, got an FRF: see design_frf")
+        raise ValueError("model must have a parametric nominal for a synthesis, got an FRF: see design_frf")
     return isinstance(model, UncertaintyModel)
 
 

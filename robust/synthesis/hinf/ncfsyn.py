@@ -100,11 +100,11 @@ def _explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
     modes = unstable_pole_values(shaped, timebase(shaped))
     away = [shaped.A - mode * np.eye(shaped.nstates) for mode in modes]
     reached = [min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C]))) for one in away]
-    text = f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, beyond what rounding leaves"
+    text = f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, too large for floating point"
     if not reached or min(reached) > _NEARLY_CANCELLED:
         return text
     variable, mode = "z" if timebase(shaped) else "s", np.real_if_close(modes[int(np.argmin(reached))])
-    return f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero: {min(reached):.1g} of it is left"
+    return f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero: {min(reached):.1g} of it remains"
 
 
 def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
@@ -140,7 +140,7 @@ def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.S
     n_channels, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
     if n_channels != n:
         raise ValueError(
-            f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {n_channels}"
+            f"{name} must have {n} {side}, one a channel of G, or be a single one for all, got {n_channels}"
         )
     if not is_clockless(W) and timebase(W) != dt:
         raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")

@@ -179,7 +179,7 @@ class TunedDesign:
         if self.broken_sets:
             return f"not met: {'; '.join(self.broken_sets)}"
         if not self.stable:
-            return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
+            return "not met: a loop lies within rounding of the stability boundary. Require a decay"
         return self.ended.value
 
     def controller(self, inputs: str | Sequence[str], outputs: str | Sequence[str]) -> control.StateSpace:
@@ -214,7 +214,7 @@ class TunedDesign:
         return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs)
 
     def __str__(self) -> str:
-        met = "met, on lines or as norms as said" if self.met else "NOT MET"
+        met = "met (on lines or as norms, see each limit)" if self.met else "NOT MET"
         rows = [f"tuned {format_small_count(len(self.blocks), 'block')}: {met}; {self.reason}"]
         for name, block in self.blocks.items():
             entries = [
@@ -226,6 +226,6 @@ class TunedDesign:
         rows.append(f"  starts: {', '.join(f'{one:.5g}' for one in self.spread)}")
         if self.at_bounds:
             rows.append(f"  at a bound: {join_names(list(self.at_bounds))}")
-        rows += [f"  nothing asks for {one}" for one in self.not_asked]
-        rows.append("  this is a search, not a proof: check() says what holds for the whole set")
+        rows += [f"  not demanded: {one}" for one in self.not_asked]
+        rows.append("  this is a search, not a proof: use check() for the whole set")
         return "\n".join(rows)

@@ -199,14 +199,14 @@ def _see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: flo
         warn_of_unknown_hold(model, loop.dt)
     if loop.aliases is not None and loop.aliases.inverse and worst:
         raise ValueError(
-            f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
-            "continuous one. Take sampled(nominal, dt), or another form"
+            f"{name} must have a sampled nominal for worst=True in the {model.form} form in a sampled loop, got a "
+            "continuous one. Use sampled(nominal, dt), or another form"
         )
     perturbation = _perturbation_of_disc(loop) if worst else None
     if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
         raise ValueError(
-            f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
-            "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
+            f"{name} must have a weight that falls with frequency for worst=True in a sampled loop, got a set with an "
+            "unbounded sum of aliases. Use sampled(nominal, dt) as the nominal, or a weight with a roll-off"
         )
     systems = (loop.weight, loop.shaping, model.nominal) if worst else ()
     return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation, set_systems=systems)
@@ -228,12 +228,12 @@ def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: flo
     """Return the machine of a friction limit behind hold and delay, from force to measured position."""
     if (len(plants.inputs), len(plants.outputs)) != (1, 1):
         raise ValueError(
-            "hard must hold friction limits for a plant of one input and output only, got one of "
+            "hard must hold friction limits for a plant with one input and one output only, got one with "
             f"{len(plants.inputs)} and {len(plants.outputs)}"
         )
     delay += machine.delay
     if delay and not dt:
-        raise ValueError(f"dt must be given for a friction limit with a delay, got a delay of {delay:g} s and no clock")
+        raise ValueError(f"dt must be given for a friction limit with a delay, got a delay of {delay:g} s without dt")
     G = control.StateSpace(machine.A, machine.B_force[:, None], machine.C_measured[None], 0)
     return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
@@ -248,8 +248,8 @@ def _require_set(name: str, model: object) -> None:
     if isinstance(model, UncertaintyModel) or is_single(model):
         return
     raise ValueError(
-        f"worst must be False unless every plant is an UncertaintyModel, or a Bla of one input and output, got {name} "
-        f"= {short_form(model)}. Make a set of it by uncertainty()"
+        f"worst must be False unless every plant is an UncertaintyModel, or a Bla with one input and output, got "
+        f"{name} = {short_form(model)}. Make a set of it by uncertainty()"
     )
 
 

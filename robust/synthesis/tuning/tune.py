@@ -151,7 +151,7 @@ def tune(
     limits: Limits = [(limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))]
     limits += [(limit, False) for limit in require_limits("soft", soft, (Limit,))]
     if not limits:
-        raise ValueError("soft must hold a limit, or hard: nothing is asked of the design, got none")
+        raise ValueError("soft or hard must hold a limit, got none: the design has no demand")
     decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
     dt = require_nonnegative("dt", dt) or stated_sampling_time(plant.models)
     n_starts, time_cap, rng = (
@@ -338,8 +338,8 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
             size = [np.abs(H[:, channel.rows[:, None], channel.columns]).max() for H in responses if H is not None]
             if size and max(size) <= _ZERO_GAIN:
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must be on a channel that something goes through, got "
-                    f"{channel.limit}, which is zero whatever the blocks are"
+                    f"{_limit_name(channel.index, limits)} must be on a channel with a path, got {channel.limit}, "
+                    "whose transfer function is zero for all blocks"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
             if (
@@ -412,8 +412,8 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
             if not clear:
                 raise ValueError(
                     f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
-                    f"{scene.index}) whose lines leave it open at the start of the blocks. Measure more finely around "
-                    "its modes, or at lower frequency, fit a model, or start with smaller gains"
+                    f"{scene.index}) whose lines do not resolve it at the start of the blocks. Measure more finely "
+                    "around its modes, or at lower frequency, fit a model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(
@@ -444,8 +444,8 @@ def _require_movable_limits(problem: TuningProblem, current: Evaluation) -> None
                 where = format_hertz(float(true_frequency(np.array([peak.omega]), problem.dt)[0]))
                 raise ValueError(
                     f"hard[{peak.limit}] must be a limit that the blocks can change, got {limit}, which is missed by a "
-                    f"factor {np.exp(peak.level):.4g} at {where} whatever they are. Raise its bound there, or give it "
-                    "a band"
+                    f"factor {np.exp(peak.level):.4g} at {where} for all blocks. Raise its bound there, or give it a "
+                    "band"
                 )
 
 

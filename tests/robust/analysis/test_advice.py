@@ -29,9 +29,9 @@ def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
     report = check(model, control.tf([1e-2 * 2 * np.pi * 0.01], [1, 2 * np.pi * 0.004]), certify=False)
     assert report.margins.omega_rs < 2 * np.pi * 1, "limited below the band"
     assert "below the measured band" in report.advice
-    assert "go on from the first line, 1 Hz, where the radius is misfit 100 %" in report.advice
+    assert "from the first line, 1 Hz, where the radius consists of misfit 100 %" in report.advice
     assert "robust orders" in report.advice
-    assert report.advice.endswith("Or measure there.")
+    assert report.advice.endswith("Or measure at that frequency.")
 
 
 def model_of(w, **parts):
@@ -52,24 +52,24 @@ def loop_at(f0):
     ("w", "f0", "parts", "said", "cure"),
     [
         (0.1, 40.0, {"noise": 0.7, "misfit": 0.3}, "above the measured band", "average more periods"),
-        (0.1, 3.0, {"misfit": 0.7, "odd": 0.3}, "where the radius is misfit 70 %, odd 30 %", "robust orders"),
-        (0.1, 3.0, {"level": 1.0}, "where the radius is level 100 %", "narrow the range of levels"),
-        (0.3, 3.0, {"noise": 1.0}, "The weight lies 9.5 dB over the radius there.", "fit one of a higher order"),
-        (0.1, 3.0, {}, "the model does not say what its radius is made of there", ""),
+        (0.1, 3.0, {"misfit": 0.7, "odd": 0.3}, "where the radius consists of misfit 70 %, odd 30 %", "robust orders"),
+        (0.1, 3.0, {"level": 1.0}, "where the radius consists of level 100 %", "narrow the range of levels"),
+        (0.3, 3.0, {"noise": 1.0}, "The weight is 9.5 dB above the radius there.", "fit a weight of a higher order"),
+        (0.1, 3.0, {}, "where the parts of the radius are unknown", ""),
     ],
 )
 def test_the_largest_part_decides(w, f0, parts, said, cure):
     advice = check(model_of(control.ss([], [], [], [[w]]), **parts), loop_at(f0), certify=False).advice
     assert said in advice
     assert cure in advice
-    assert ("Or measure there." in advice) == (f0 > 10)
+    assert ("Or measure at that frequency." in advice) == (f0 > 10)
 
 
 def test_a_lower_bandwidth_is_no_advice_where_T_is_one():
     flat = control.ss([], [], [], [[0.1]])
     through_one = control.tf([20 * np.pi, 2 * np.pi], [1, 0])  # L = 20 pi/s
     at_one = check(model_of(flat, odd=1.0), through_one, certify=False).advice
-    assert "|T| is near one: a lower bandwidth leaves it there. Identify at the level of the loop" in at_one
+    assert "|T| is near one, so a lower bandwidth does not reduce it. Identify at the level of the loop" in at_one
     at_peak = check(model_of(flat, odd=1.0), loop_at(3.0), certify=False).advice
     assert "Odd distortion: lower the bandwidth" in at_peak
 
@@ -78,8 +78,8 @@ def test_a_rise_that_is_only_assumed_asks_for_a_measurement():
     w = control.tf([0.1 / (2 * np.pi * 20), 0.1], [1e-5, 1])  # 0.1 in the band, three times that at 60 Hz
     advice = check(model_of(w, odd=1.0), loop_at(60.0), certify=False).advice
     assert "above the measured band" in advice
-    assert "The rise assumed from there on makes it 2.8" in advice
-    assert advice.endswith("What is assumed where nothing was measured: measure there.")
+    assert "The extrapolation makes the radius 2.8" in advice
+    assert advice.endswith("The assumption outside the measured band: measure there.")
     assert "more periods" not in advice
 
 
@@ -93,9 +93,9 @@ def test_a_weight_that_fails_where_the_measured_lines_pass_is_named():
     report = check(model, K)
     assert report.verdict == "not robust"
     T = np.abs(2 / (1j * omega + 3))
-    assert "The measured lines alone pass" in report.advice
-    assert f"rs at most {np.max(radius * T):.3g}" in report.advice
+    assert "On the measured lines the radius passes" in report.advice
+    assert f"rs is at most {np.max(radius * T):.3g}" in report.advice
     assert "--order 2" in report.advice
     better = UncertaintyModel.from_radius(plant, omega, radius, order=4, above="flat", perturbation="LTI")
     assert check(better, K).verdict == "robust"
-    assert "measured lines alone" not in check(better, K).advice
+    assert "the radius passes" not in check(better, K).advice

@@ -143,7 +143,7 @@ def test_an_inverse_weight_of_one_above_nyquist():
     lag, w = control.tf([1], [1, 1]), control.tf([0.2, 0.02], [0.01, 1])  # 20 at high frequencies, 0.6 at Nyquist
     report = check(the_set(lag, w, "inverse-multiplicative"), gain(0.5, 1.0))
     assert report.verdict == "not certified"
-    assert "of one or more there it holds plants of any gain" in report.reason
+    assert "From one on, the set contains plants of any gain there" in report.reason
     assert report.margins.rs < 0.06
 
 
@@ -154,7 +154,7 @@ def test_a_set_of_sampled_plants_speaks_of_the_samples():
             UncertaintyModel(sampled(G, 0.1), gain(0.3, 0.1), "multiplicative", LINES, RADIUS, perturbation=kind), K
         )
         assert report.verdict in ("robust", "statistically robust")
-        assert "of the samples" in report.proved
+        assert "for the samples only" in report.proved
         assert "between the samples" in report.reason
         assert report.folding == ""
 
@@ -168,7 +168,7 @@ def test_a_loop_of_several_uncertainties_that_is_sampled_speaks_of_the_samples()
     report = check_structure(interconnection([plant, K], {"gain": Block("y", "d", 0.1, perturbation="operator")}))
     assert report.verdict == "robust"
     assert "between the samples" in report.reason
-    assert "of the samples" in report.proved
+    assert "for the samples only" in report.proved
 
 
 def test_no_confidence_is_spoken_of_where_none_is_known():
@@ -178,7 +178,7 @@ def test_no_confidence_is_spoken_of_where_none_is_known():
     text = str(check(model, 0.5))
     assert "STATISTICALLY ROBUST" in text
     assert "at its confidence" not in text
-    assert "how surely the machine is one of them is unknown" in " ".join(text.split())
+    assert "the probability that the set contains the machine is unknown" in " ".join(text.split())
     assert "nan" not in text
 
 

@@ -61,9 +61,9 @@ def test_P_is_a_storage_function_of_the_loop():
 @pytest.mark.parametrize(
     ("given", "K", "options", "reason"),
     [
-        (model(), 0.5, {"delay": 0.1}, "the delay of a continuous loop is no state space"),
-        (model(), control.tf([0.5], [1], 0.01), {}, "every alias of a continuous plant counts"),
-        (model("coprime", weight=0.1), 0.5, {}, "an inequality is not set up for the coprime form"),
+        (model(), 0.5, {"delay": 0.1}, "the delay of a continuous loop is not a state space"),
+        (model(), control.tf([0.5], [1], 0.01), {}, "no inequality covers the aliases of a continuous plant"),
+        (model("coprime", weight=0.1), 0.5, {}, "no inequality is set up for the coprime form"),
     ],
 )
 def test_where_no_inequality_covers_the_loop_it_says_so(given, K, options, reason):

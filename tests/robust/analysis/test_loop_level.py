@@ -250,7 +250,7 @@ def test_what_is_not_known_is_said_so(tmp_path):
     assert level_of(new, 0.0, **signals).inside
     level = level_of(old, 0.0, **signals)
     assert (level.u_state, level.y_state, level.inside) == (UNKNOWN, UNKNOWN, False)
-    assert "not known" in unwrapped(level)
+    assert "unknown" in unwrapped(level)
     assert robust.analysis.predict_level(old, 0.0, LoopSignals(**signals), bla=bla).inside
     assert level_of(plant_set(), 1.0, **signals).u_state is UNKNOWN  # a radius of one's own
 

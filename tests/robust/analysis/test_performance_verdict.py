@@ -74,7 +74,7 @@ def test_conditions_stand_below_the_verdict_one_a_line():
     rows = check(model, 2.0).summary.splitlines()
     assert rows[0].startswith("verdict:     STATISTICALLY ROBUST: this controller keeps every linear plant")
     assert [row for row in rows if row.startswith("condition:")] == [
-        'condition:   no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
+        'condition:   no class of perturbation is claimed; claim one by perturbation="LTI" or "operator"'
     ]
     assert "condition:" not in str(single(2.0))
 

@@ -67,10 +67,10 @@ def test_two_equal_loops_are_one():
     assert alone.verdict == together.verdict == "statistically robust"
     assert together.margins.rs == pytest.approx(alone.margins.rs, rel=0.1)
     assert together.margins.rs <= alone.margins.rs * (1 + 1e-3)  # a bound on the safe side
-    assert "every alias is in the weights" in together.folding
+    assert "the weights of the sampled set cover every alias" in together.folding
     assert "which is proved" in together.folding
     assert "cover every alias" not in together.not_proved
-    assert "with everything that folds down from above" in together.proved
+    assert "all aliases from above included" in together.proved
     assert "samples" not in together.reason + together.not_proved
 
 
@@ -81,7 +81,7 @@ def test_a_report_whose_aliases_are_not_proved_says_that_they_rest_on_a_grid(mon
     assert "in floating point" in report.folding
     text = "That the weights of the sampled set cover every alias between the frequencies of a grid; "
     assert report.not_proved.startswith(text)
-    assert "says nothing of what happens between the samples" in report.reason
+    assert "nothing is proved between the samples" in report.reason
     assert not report.proofs.certificates[-1].holds
 
 

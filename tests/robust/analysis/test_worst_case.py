@@ -325,7 +325,7 @@ def test_a_set_of_several_channels_that_is_not_stable_has_a_plant_that_shows_it(
     assert not sample_loops(set_, K_2X2, 20, rng=0).stable.all()
     with pytest.raises(ValueError, match="K must stabilise the nominal plant"):
         worst_case(set_, -K_2X2)
-    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
+    with pytest.raises(ValueError, match="delay must be in the nominal for several channels"):
         sample_loops(set_, K_2X2, 5, delay=0.1)
 
 
@@ -367,7 +367,7 @@ def test_a_stable_loop_with_thin_margins_is_warned_of():
     found = unwrapped(str(report))
     assert report.summary.startswith("verdict:     STATISTICALLY ROBUST, THIN MARGINS: ")
     assert f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
-    assert "What makes it smaller: a lower gain" in found
+    assert "To lower |S|: a lower gain" in found
     assert check(set_, 0.8 * 0.9).margins.S_worst < 0.98 * report.margins.S_worst
     assert "thin margins" not in str(check(set_, 1e-3))
 

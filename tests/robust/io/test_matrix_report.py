@@ -115,7 +115,7 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
     with pytest.raises(ValueError, match="w_P must be that of the report"):
         robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, report=report, w_P=W_P)
-    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
+    with pytest.raises(ValueError, match="delay must be in the nominal for several channels"):
         robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, delay=0.1)
     single = robust.UncertaintyModel(
         control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", rig_frm().omega[:2], np.array([0.05, 0.05])

@@ -31,7 +31,7 @@ def test_thin_margins_stand_on_the_page_and_no_picture_is_empty(bla, tmp_path):
     write_report(tmp_path / "r.html", model, K, bla=bla, nominal=nominal, report=report)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert report.thin_margins.partition(":")[2].strip()[:40] in page.replace("&gt;", ">")
-    assert "What makes it smaller" in page
+    assert "To lower |S|" in page
     assert "by kind of line" not in page  # a swept sine has no detection lines
 
 

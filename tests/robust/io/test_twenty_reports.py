@@ -324,18 +324,18 @@ def told_of_the_advice(facts, model, report):
     k = np.argmin(np.abs(np.log(model.omega / omega)))
     over = np.abs(response(model.weight, model.omega[[k]]))[0] / model.radius[k]
     wanted = [omega / HZ]
-    if "nothing was measured: the radius is assumed" in text:
+    if "The radius there is extrapolated" in text:
         wanted += [*map(float, NUMBER.findall(model.origin.extrapolation)), model.omega[k] / HZ]
     shares = np.array([part[k] for part in model.budget.values()])
     shares = np.sort(shares[shares > 0] / shares[np.isfinite(shares)].sum())[::-1][:4]
     wanted += [100 * share for share in shares if share >= 0.005]
-    if "makes it" in text:
+    if "makes the radius" in text:
         wanted.append(np.abs(response(model.weight, np.array([omega])))[0] / model.radius[k] / over)
-    if "over the radius" in text:
+    if "above the radius there" in text:
         wanted.append(20 * np.log10(over))
-    if "The measured lines alone pass" in text:
+    if "On the measured lines the radius passes" in text:
         wanted += [
-            float(text.split("rs at most ")[1].split(".  ")[0].split()[0].rstrip(".")),
+            float(text.split("rs is at most ")[1].split(".  ")[0].split()[0].rstrip(".")),
             *[model.weight.nstates + 2] * 2,
         ]
     holds(text, *wanted)

@@ -60,5 +60,5 @@ def test_what_rounding_spoils_is_not_returned(monkeypatch):
         with pytest.raises(ValueError, match=r"got factors off by .* \(numerical failure\)"):
             the_model(G, 0.1).sample(1, rng=0)
     monkeypatch.setattr("robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G)
-    with pytest.raises(ValueError, match="worst plant that floating point can tell, got one outside the set"):
+    with pytest.raises(ValueError, match="worst plant that floating point resolves, got one outside of the set"):
         worst_case(the_model(G, 0.1), ncfsyn(G).K)

@@ -198,7 +198,7 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
         }
         best = max(each, key=lambda form: each[form].margins.rs)
         assert report.margins.rs == pytest.approx(each[best].margins.rs, rel=1e-6)
-        assert f"the {best} one says most" in report.reason
+        assert f"{best} gives most" in report.reason
         assert "with 95 % probability" in "; ".join(report.confidence)
     with pytest.raises(ValueError, match=r"alternative_form must have confidence 0\.975 as this set, got 0\.95"):
         replace(model, alternative_form=alone["additive"])
@@ -221,9 +221,9 @@ def test_refusals():
         UncertaintyModel(
             nominal=G, form="additive", left=w, right=w, omega=OMEGA, radius=covered, confidence=0.95
         )  # fmt: skip
-    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
+    with pytest.raises(ValueError, match="delay must be in the nominal for several channels"):
         robust.check(model, control.ss([], [], [], np.eye(2)), delay=0.1)
-    with pytest.raises(ValueError, match="K must leave the nominal loop stable"):
+    with pytest.raises(ValueError, match="K must stabilise the nominal plant"):
         robust.analysis.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
     frm, _ = stage_frm()
     with pytest.raises(
