@@ -29,7 +29,7 @@ def faults_of(family, seed):
     try:
         found = hinfsyn(P, n_y, n_u)
     except ValueError as error:
-        return ([] if "a controller can stabilise" in str(error) else [f"refused: {error}"]), np.nan
+        return ([] if "stabilisable by a controller" in str(error) else [f"refused: {error}"]), np.nan
     if not found.found:
         return [f"nothing found: {found.reason}"], np.nan
     gain, growth = closed_loop_gain(P, found.K, n_y, n_u)

@@ -121,7 +121,7 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
 def _require_entries(path: str, content: JsonObject) -> str:
     """Return the form of a PID; refuse entries that are unknown, missing or for another form."""
     if "kv" in content:
-        raise ValueError(f"path must hold a PID, got the gains of a drive; use: robust servo check TRACE {path}")
+        raise ValueError(f"path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE {path}")
     form = require_choice("form", content.get("form", "parallel"), tuple(_FORMS))
     integral, derivative = _FORMS[form]
     if others := [name for name in ("Ki", "Kd", "Ti", "Td") if name in content and name not in _FORMS[form]]:

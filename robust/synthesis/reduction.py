@@ -70,7 +70,7 @@ class Reduction:
     >>> found.order, found.kept, found.report.verdict
     (1, True, 'robust')
     >>> print(found)
-    order 3 to 1, balanced, residualised: all that was proved is kept
+    order 3 to 1, balanced, residualised: all proofs are kept
     before:      robust, max rs 0.37, |S| reaches 1.53 over the set
     reduced:     robust, max rs 0.369, |S| reaches 1.52 over the set
     """

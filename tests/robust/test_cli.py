@@ -349,7 +349,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
         assert "max mu" in out
     code, _, err = robust_command("design m.json --method mixsyn --bandwidth 3 -o K.json")
     assert code == 2
-    assert "dk_iteration designs for its perturbation" in err
+    assert "use dk_iteration for its perturbation" in err
     code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
     assert not code, err
     assert load(tmp_path / "n.json").origin.source.count("random-odd multisine") == 2

@@ -20,7 +20,7 @@ def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
     """All of the radius at the first line is misfit: measuring below the band would not mend that."""
     size = np.abs(spring_and_mode(2j * np.pi * F))
     bla = make_bla(spring_and_mode, F, sigma_noise=2e-3 * size)
-    with pytest.warns(DesignWarning, match="2 poles misses what was measured: its cost is"):
+    with pytest.warns(DesignWarning, match="2 poles does not fit the measurement: its cost is"):
         fit_nominal(bla, n_poles=2, n_zeros=0)
     mode = control.ss(control.tf([1.5], [1 / 300**2, 0.05 / 300, 1]))  # the mode alone: misfit 34.8 of 34.8
     model = uncertainty(bla, mode, order=6)
@@ -88,7 +88,7 @@ def test_a_weight_that_fails_where_the_measured_lines_pass_is_named():
     omega = np.geomspace(0.1, 10, 40)
     radius = 0.3 + 2.7 * np.exp(-((np.log(omega / 8) / 0.2) ** 2))  # large where |T| is small
     plant, K = control.tf([1], [1, 1]), 2.0
-    with pytest.warns(DesignWarning, match="much larger than what was measured"):
+    with pytest.warns(DesignWarning, match="much larger than the measurement requires"):
         model = UncertaintyModel.from_radius(plant, omega, radius, order=0, above="flat", perturbation="LTI")
     report = check(model, K)
     assert report.verdict == "not robust"

@@ -181,7 +181,7 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
     [
         (lambda: interconnection([G], {"d": Block("x", "u")}), "must read outputs of the systems .y., got 'x'"),
         (lambda: interconnection([G], {"d": Block("y", "v")}), "must drive inputs of the systems .u., got 'v'"),
-        (lambda: interconnection([G], {}), "every input driven, got nobody who drives 'u'"),
+        (lambda: interconnection([G], {}), "every input driven, got none that drives 'u'"),
         (
             lambda: interconnection([G], {"d": Block("y", "u")}, inputs="u"),
             "outputs must be given together with inputs",
@@ -226,7 +226,7 @@ def test_an_answer_comes_where_scalings_are_many():
     report = check_structure(interconnection([plant], blocks))
     assert time.process_time() - begin < 100
     assert report.verdict == "not certified"
-    assert "part by part" in report.reason
+    assert "on parts of the box" in report.reason
     assert np.isfinite(report.curves.rs).all()
     assert report.margins.rs <= report.margins.broken
 

@@ -128,5 +128,5 @@ def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
 
 def test_one_channel_is_folded_alias_by_alias():
     one = UncertaintyModel(LAG, ROLL, "additive", OMEGA, np.abs(response(ROLL, OMEGA)), perturbation="LTI")
-    with pytest.raises(ValueError, match="model must be of several channels to be folded into a sampled set"):
+    with pytest.raises(ValueError, match="model must have several channels to be folded into a sampled set"):
         sampled_set(one, T)

@@ -517,7 +517,7 @@ def test_what_makes_no_fit_is_refused():
     records = levels((0.05, 1.0, 4.0), n_periods=2)
     with pytest.raises(ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"):
         robust.friction.identify_friction(records[:2])
-    with pytest.raises(ValueError, match="records must be a list of Records of one input and output, got"):
+    with pytest.raises(ValueError, match="records must be a list of Records with one input and output, got"):
         robust.friction.identify_friction([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
         robust.friction.identify_friction(records, masses=3)

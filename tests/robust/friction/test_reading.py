@@ -91,7 +91,7 @@ def test_what_makes_no_class_is_refused(records):
         robust.friction.friction_class(blas, free=True)
     with pytest.raises(ValueError, match="records must hold at least three levels"):
         robust.friction.friction_class(records[:2])
-    with pytest.raises(ValueError, match="blas must be a list of BLAs of one input and output, or of Records, got 1"):
+    with pytest.raises(ValueError, match="blas must be BLAs with one input and output, or Records, in a list, got 1"):
         robust.friction.friction_class(1.0)
 
 

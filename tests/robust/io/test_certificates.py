@@ -176,7 +176,7 @@ def test_what_would_not_be_read_back_is_not_written(suffix, tmp_path):
 def test_a_report_without_a_proof_is_refused(tmp_path):
     report = check(make_model(), 0.1, certify=False)
     with pytest.raises(
-        ValueError, match="report must hold a proof that can be repeated, got the verdict 'not certified'"
+        ValueError, match="report must contain a proof that can be repeated, got the verdict 'not certified'"
     ):
         save(report, tmp_path / "none.json")
 

@@ -90,7 +90,7 @@ def test_what_is_no_pid_is_refused():
     ):
         with pytest.raises(ValueError, match="K must be a PID"):
             pid_gains(K)
-    with pytest.raises(ValueError, match="dt must be that of K"):
+    with pytest.raises(ValueError, match="dt must be the sampling time of K"):
         pid_gains(pid(1.0, 2.0, dt=0.1), dt=0.2)
 
 

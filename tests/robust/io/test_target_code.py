@@ -282,7 +282,7 @@ def test_the_comment_states_units_clock_flags_and_what_is_not_proved(tmp_path):
         "K is in N/m, u over e",
         "-ffp-contract=off",
         "powers of z - 1",
-        "u from -3 to 4. Nothing is proved once it is reached",
+        "u from -3 to 4. Nothing is proved after u reaches it",
         "anti-windup by back-calculation",
         "(written by 'robust export')",
     ):
@@ -306,14 +306,14 @@ def test_any_file_name_makes_an_identifier(stem, tmp_path):
 
 def test_rounding_that_changes_much_is_warned_of():
     K = control.tf([1.0], np.poly([np.exp(1j * 0.5) * (1 - 1e-6), np.exp(-1j * 0.5) * (1 - 1e-6)]).real, DT)
-    with pytest.warns(DesignWarning, match="with coefficients in float32, and u by up to .*take dtype='float64'"):
+    with pytest.warns(DesignWarning, match="with coefficients in float32, and u by up to .*use dtype='float64'"):
         round_controller(K, dtype="float32")
 
 
 @pytest.mark.parametrize(
     ("K", "more", "message"),
     [
-        (control.tf([1], [1, 1]), {}, r"K must be discrete .*robust\.lti\.discretize\(K, dt\) samples it"),
+        (control.tf([1], [1, 1]), {}, r"K must be discrete .*use robust\.lti\.discretize\(K, dt\)"),
         (2.0, {}, "K must be discrete to be written as code"),
         (
             control.ss([], [], [], np.eye(2), DT),

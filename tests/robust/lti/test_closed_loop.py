@@ -101,7 +101,9 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
 
 def test_a_controller_of_another_shape_is_refused():
     rng = np.random.default_rng(2)
-    with pytest.raises(ValueError, match="K must have 3 inputs and 2 outputs, one an output and an input of the plant"):
+    with pytest.raises(
+        ValueError, match="K must have 3 inputs and 2 outputs, one for each output and input of the plant"
+    ):
         closed_loop(random_system(rng, 2, 3, 2), random_system(rng, 1, 3, 2), ("u",), ("r",))
 
 

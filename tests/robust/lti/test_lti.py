@@ -149,7 +149,7 @@ def test_a_matrix_that_no_state_space_has_is_refused():
     with pytest.raises(ValueError, match="P must be proper, got degree 2 over degree 1"):
         multivariable("P", control.tf([[[1, 0, 0], [1]]], [[[1, 1], [1, 1]]]))
     hidden = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, 3]]])  # (s - 1)/((s - 1)(s + 2))
-    with pytest.raises(ValueError, match="P must show its unstable modes, got one that cancels at 1"):
+    with pytest.raises(ValueError, match="P must have no hidden unstable mode, got one that cancels at 1"):
         multivariable("P", hidden)
     shared = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, -1]]])  # another entry shows it
     assert np.isclose(poles(multivariable("P", shared)), 1).any()

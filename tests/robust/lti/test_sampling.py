@@ -80,5 +80,7 @@ def test_riccati_equations():
 
 @pytest.mark.parametrize("delay", [0.0, 0.3])
 def test_a_pole_beyond_floating_point_is_refused(delay):
-    with pytest.raises(ValueError, match=r"dt must leave numbers within floating point, got 1 s with a pole at 1e\+06"):
+    with pytest.raises(
+        ValueError, match=r"dt must keep the numbers within floating point, got 1 s with a pole at 1e\+06"
+    ):
         sampled(control.tf([1], [1, -1e6]), 1.0, delay)

@@ -96,7 +96,7 @@ def test_the_most_parts_are_said():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda N: robust.mu.parameter_margin(N, [(1, 1)]), "blocks must hold a real one"),
+        (lambda N: robust.mu.parameter_margin(N, [(1, 1)]), "blocks must contain a real one"),
         (lambda N: robust.mu.parameter_margin(N, [(2, 2, "real")]), "blocks must add up"),
         (
             lambda N: robust.mu.parameter_margin(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]),

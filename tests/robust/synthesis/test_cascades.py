@@ -117,5 +117,5 @@ def test_feedforward_under_a_clock_and_where_it_is_refused():
     slow = found.omega < 2
     assert found.error_worst[slow].max() < 0.3 * found.error_without[slow].max()
     unstable = UncertaintyModel(control.tf([1], [1, -1]), w, "multiplicative", LINES, np.full(2, 0.1))
-    with pytest.raises(ValueError, match="model must have a stable nominal to be fed forward to, got a pole at 1"):
+    with pytest.raises(ValueError, match="model must have a stable nominal for a feedforward, got a pole at 1"):
         feedforward_filter(unstable, 3.0, control.tf([1], [1, 1]))

@@ -66,7 +66,7 @@ def test_channels_without_effect_are_left_out():
 def test_an_unstable_mode_that_a_dead_actuator_leaves_is_named():
     P = control.ss([[1.0]], [[1, 0]], [[1], [1]], np.zeros((2, 2)))
     with pytest.raises(
-        ValueError, match="a controller can stabilise, got one where u does not reach the mode at s = 1"
+        ValueError, match="P must be stabilisable by a controller, got one where u does not reach the mode at s = 1"
     ):
         hinfsyn(P, 1, 1)
 

@@ -120,10 +120,10 @@ def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
     ("call", "message"),
     [
         (lambda: dk_iteration(column("input")), "w_P must be given for an UncertaintyModel"),
-        (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and no blocks: they are its own"),
+        (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and blocks left out: the model has its own"),
         (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out but for"),
         (lambda: dk_iteration(column("input"), w_P=np.eye(3)), "w_P must have 1 input, for all channels alike, or 2"),
-        (lambda: mixsyn(column("input"), 1.0), "got one of several channels: dk_iteration designs for its"),
+        (lambda: mixsyn(column("input"), 1.0), "got one with several channels: use dk_iteration for its"),
     ],
 )
 def test_refusals_of_sets(call, message):
@@ -144,13 +144,13 @@ def test_a_round_that_fails_leaves_what_there_is(monkeypatch):
     first = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, n_rounds=1)
 
     def fail(*_, **__):
-        raise ValueError("P must be one that a controller can stabilise")
+        raise ValueError("P must be stabilisable by a controller")
 
     monkeypatch.setattr(dk, "fit_scalings", fail)
     design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, n_rounds=3)
     assert design.mu == pytest.approx(first.mu, rel=1e-9)
     assert design.certificate.holds
-    assert design.reason == "the next round failed: P must be one that a controller can stabilise"
+    assert design.reason == "the next round failed: P must be stabilisable by a controller"
     monkeypatch.setattr(dk, "synthesise", fail)
     with pytest.raises(ValueError, match="P must be one"):
         dk_iteration(plant(), WITH_PERFORMANCE, 2, 2)

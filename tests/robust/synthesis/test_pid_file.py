@@ -195,9 +195,7 @@ def test_reduce_writes_the_controller_and_what_is_kept(command, tmp_path):
     save(robust.lti.discretize(slow, 1e-3), "K.json", delay=5e-4, unit="m/N")
     code, out, err = command("reduce model.json K.json -o small.json")
     assert (code, err) == (0, "")
-    assert re.search(
-        r"^order 3 to 1, .*: all that was proved is kept\nbefore: +statistically robust, max rs 0\.\d+, \|S", out
-    )
+    assert re.search(r"^order 3 to 1, .*: all proofs are kept\nbefore: +statistically robust, max rs 0\.\d+, \|S", out)
     assert out.endswith("wrote small.json\n")
     checked = command("check model.json small.json")[1]  # of the delay that the file was written with
     assert "STATISTICALLY ROBUST" in checked
@@ -208,7 +206,7 @@ def test_reduce_writes_the_controller_and_what_is_kept(command, tmp_path):
     code, out, _ = command("reduce model.json pid.toml --order 0 --bandwidth 1 --error 0.01 -o gain.json")
     assert code == 1
     assert "order 1 to 0" in out
-    assert "not all that was proved is kept: " in out
+    assert "not all proofs are kept: " in out
     assert load("gain.json").nstates == 0
     assert (
         "order must be below the 1 states of K, got 1" in command("reduce model.json pid.toml --order 1 -o x.json")[2]

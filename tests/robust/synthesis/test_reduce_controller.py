@@ -136,7 +136,7 @@ def test_performance_that_was_proved_is_proved_again(dt):
 def assert_words_of_a_plant(report):
     text = unwrapped(report)
     assert "no set of plants was given" in text
-    assert "with the plant that was given, at all frequencies." in report.proved
+    assert "with the given plant, at all frequencies." in report.proved
     assert not any(
         word in text
         for word in (
@@ -161,7 +161,7 @@ def test_the_plant_alone_that_mixsyn_took(dt):
     assert found.report.proofs.robust_performance
     assert_words_of_a_plant(found.report)
     assert_words_of_a_plant(found.before)
-    with pytest.raises(ValueError, match="K must be one of which something is proved"):
+    with pytest.raises(ValueError, match="K must have a proof to keep"):
         reduce_controller(-K, G, w_P)
 
 
@@ -215,7 +215,7 @@ def test_a_statistical_set_and_a_sampled_controller():
     [
         (
             lambda: reduce_controller(control.tf([100], [1, 1, 0]), model()),
-            "K must be one of which something is proved",
+            "K must have a proof to keep",
         ),
         (lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1), "order must be below the 1 states of K"),
         (lambda: reduce_controller("K", model()), "K must be"),

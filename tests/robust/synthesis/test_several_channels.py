@@ -91,9 +91,9 @@ def test_what_takes_one_loop_names_what_several_channels_take(model):
     for call, cure in (
         (
             lambda: robust.synthesis.feedforward_filter(model, 0.1 * np.eye(2), w),
-            "take prefilter, or dk_iteration or hinfsyn with",
+            "use prefilter, or dk_iteration or hinfsyn with",
         ),
-        (lambda: robust.shaping.loop_bounds(model, w), "loop_gains has its singular values"),
+        (lambda: robust.shaping.loop_bounds(model, w), "use loop_gains for its singular values"),
         (
             lambda: robust.analysis.predict_level(
                 model, 0.1, robust.analysis.LoopSignals(reference=robust.analysis.StepSignal(1.0))

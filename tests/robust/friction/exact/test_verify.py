@@ -102,7 +102,7 @@ def test_files(proof, tmp_path):
     path.write_text(path.read_text().replace('"stiction": 1.05', '"stiction": 1.06'))
     with pytest.raises(ValueError, match="whose digest does not fit"):
         verify_certificate(path)
-    with pytest.raises(ValueError, match="report must hold a proof"):
+    with pytest.raises(ValueError, match="report must contain a proof"):
         save(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
         from_plain(FrictionClaim, {"K0": 1.0})

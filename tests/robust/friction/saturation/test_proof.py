@@ -166,7 +166,7 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
     K = pid(2e6, 3e7, 6e3)
     proof = prove_friction(friction_plant(lever, port=True), K, SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "not decided"
-    assert proof.reason == "holding the friction takes all of the limit"
+    assert proof.reason == "the friction alone uses up the limit"
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_a_scan_names_poles_that_the_data_do_not_carry():
     )  # half a sample of hold: a scan answers with a pole that it cannot place
     frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
     scan = robust.models.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
-    assert "3 poles" in unwrapped(scan).partition("poles of no significance: ")[0]
+    assert "3 poles" in unwrapped(scan).partition("insignificant poles: ")[0]
     assert "poles of" not in unwrapped(
         robust.models.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3))
     )

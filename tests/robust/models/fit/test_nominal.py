@@ -46,7 +46,7 @@ def test_twelve_poles_over_many_decades():
 
 
 def test_state_space_and_delay_are_the_response():
-    with pytest.warns(DesignWarning, match="misses what was measured"):  # the plant has no delay
+    with pytest.warns(DesignWarning, match="does not fit the measurement"):  # the plant has no delay
         fit = fit_nominal(make_bla(resonance, F_LINES, f0=0.25), n_poles=2, delay=1e-3)
     assert fit.delay == 1e-3
     assert response(fit.G, fit.omega) * np.exp(-1j * fit.omega * fit.delay) == pytest.approx(fit.response, rel=1e-9)
@@ -71,7 +71,7 @@ def test_cost_is_what_scatter_leaves_and_parameters_take():
 def test_undermodelling_shows_in_the_cost():
     plant = six_modes()
     bla = make_bla(plant, 3 * F_LINES, sigma_distortion=0.01 * np.abs(plant(6j * np.pi * F_LINES)), rng=0, f0=0.75)
-    with pytest.warns(DesignWarning, match=r"8 poles misses what was measured: .* error of the class: .* of \|G\|"):
+    with pytest.warns(DesignWarning, match=r"8 poles does not fit the measurement: .* error of the class: .* of \|G\|"):
         few = fit_nominal(bla, n_poles=8)
     assert few.cost > 100 * fit_nominal(bla, n_poles=12).cost
     fit_nominal([bla, bla], n_poles=8)  # of several records the misfit is what is asked for
@@ -118,7 +118,7 @@ def test_stable_option():
     bla = make_bla(unstable, np.linspace(0.2, 20, 100))
     free = fit_nominal(bla, n_poles=2, n_zeros=0, stable=False)
     assert free.G.poles().real == pytest.approx([2, 2], abs=1e-6)
-    with pytest.warns(DesignWarning, match="misses what was measured"):
+    with pytest.warns(DesignWarning, match="does not fit the measurement"):
         held = fit_nominal(bla, n_poles=2, n_zeros=0)
     assert np.all(held.G.poles().real < 0)
     assert held.cost > 100 * free.cost

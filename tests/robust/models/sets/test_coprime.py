@@ -345,11 +345,11 @@ def test_refusals():
         the_model(G, 0.1, W1=control.tf([1, 1], [1, 0]))
     with pytest.raises(ValueError, match=r"W2 must have the sampling time of the nominal, 0 s, got 0.1 s"):
         the_model(G, 0.1, W2=control.tf([1, 0.5], [1, 0.2], 0.1))
-    with pytest.raises(ValueError, match="W1 and W2 must be left out but for the coprime form"):
+    with pytest.raises(ValueError, match="W1 and W2 must be left out except for the coprime form"):
         UncertaintyModel(G, 0.1, "additive", LINES, np.full(3, 0.1), scaling=(2.0, 1.0))
     with pytest.raises(ValueError, match=r"K must have the sampling time of the nominal model for the coprime form"):
         check(the_model(G, 0.1), control.ss([], [], [], [[1.0]], 0.1))
     with pytest.raises(ValueError, match="form must be a relative deviation of the plant here, got coprime"):
         loop_bounds(the_model(G, 0.1), performance_weight(1.0))
-    with pytest.raises(ValueError, match="below and above must leave a radius outside the band too"):
+    with pytest.raises(ValueError, match="below and above must give a radius outside the band"):
         uncertainty(measured(), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime", below=40.0)

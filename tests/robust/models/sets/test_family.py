@@ -159,7 +159,7 @@ def test_the_form_is_that_of_the_least_weight_times_t_or_s():
     assert str(ranking).splitlines()[0].startswith("output ")
     model = robust.uncertainty(plants, G, omega_B=0.1)
     assert model.form == "output"
-    assert "of the least weight times |T| or |S| at 0.1 rad/s" in model.origin.source
+    assert "by the weight times |T| or |S| at 0.1 rad/s" in model.origin.source
     turned = [control.ss(G.A, G.B @ np.diag(k), G.C, G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
     assert choose_form(turned, G, omega_B=0.1).best == "input"
 
@@ -195,7 +195,7 @@ def test_a_pole_that_crosses_asks_for_an_inverse_form():
     """SP 7.2.3 and 8.2.3: (s - a) with a of either sign, which no multiplicative error holds."""
     plants = [control.append(*(control.ss([[-p]], [[1]], [[1]], [[0]]) for p in (a, 2.0))) for a in (-0.2, 0.2)]
     nominal = control.ss(np.diag([-0.01, -2.0]), np.eye(2), np.eye(2), np.zeros((2, 2)))
-    with pytest.raises(ValueError, match="an inverse where the number of poles in the right half plane differs"):
+    with pytest.raises(ValueError, match="an inverse if the number of poles in the right half plane differs"):
         robust.uncertainty(plants, nominal, form="output")
     ranking = choose_form(plants, nominal, omega_B=2.0)
     assert all(form.startswith("inverse") for form in ranking.forms)
@@ -210,11 +210,11 @@ def test_a_pole_that_crosses_asks_for_an_inverse_form():
         (family(), {"form": "nonsense"}, "form must be one of"),
         (family(), {"weights": "some"}, "weights must be one of"),
         (family(), {"form": "elements", "weights": "full"}, 'weights must be "diagonal" for elements'),
-        (family(), {"simultaneous": True}, "must be left out where plants are given"),
+        (family(), {"simultaneous": True}, "must be left out with plants"),
         (family(), {"omega_B": -1.0}, "omega_B must be positive"),
         ([G, G], {}, "none that differs"),
-        ([*family(), 3.0], {}, "must be all plants of several channels"),
-        ([*family(), control.tf([1], [1, 1])], {}, "must be all plants of several channels"),
+        ([*family(), 3.0], {}, "must be all plants with several channels"),
+        ([*family(), control.tf([1], [1, 1])], {}, "must be all plants with several channels"),
         ([control.frd(G, [1.0, 2.0]), control.frd(G, [1.0, 3.0])], {}, "on the same lines"),
         ([robust.sampled(G, 0.1), G], {}, "must be continuous as the nominal"),
         (family(), {"nominal": control.tf([1], [1, 1])}, "nominal must have 2 outputs and 2 inputs"),

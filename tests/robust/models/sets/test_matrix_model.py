@@ -145,7 +145,7 @@ def test_a_nominal_of_records_is_found_when_it_is_left_out():
         frm.omega, np.moveaxis(truth(np.exp(1j * frm.omega * 0.01)), 2, 0), np.moveaxis(model.at(frm.omega), 2, 0)
     )
     assert np.mean(away <= 1) > 0.9
-    with pytest.raises(ValueError, match="nominal must be given but for plants or records of several channels"):
+    with pytest.raises(ValueError, match="nominal must be given, except for plants or records with several channels"):
         robust.uncertainty(frm.entry(0, 0))
 
 
@@ -213,7 +213,9 @@ def test_refusals():
         made("input", wide, w, w)
     model = made("additive", G, w, w)
     covered = np.array([[0.1, 0.1], [0.2, 0.2], [0.1, 0.1], [0.1, 0.1]])
-    with pytest.raises(ValueError, match="K must have 2 inputs and 2 outputs, one an output and an input of the plant"):
+    with pytest.raises(
+        ValueError, match="K must have 2 inputs and 2 outputs, one for each output and input of the plant"
+    ):
         robust.check(model, control.ss([], [], [], [[1.0]]))
     with pytest.raises(ValueError, match="model must filter its perturbation before the sampler"):
         robust.check(model, control.StateSpace(-0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1))

@@ -110,7 +110,7 @@ def test_a_system_beside_an_frf_is_held_between_the_lines_too(form):
     assert model.contains(resonant)
     near = 5 * (1 + 1e-2 * np.linspace(-5, 5, 2001))
     assert model.normalized_distance(near, resonant(1j * near), LAG(1j * near)).max() <= 1
-    with pytest.raises(ValueError, match="an inverse where the number of poles in the right half plane differs"):
+    with pytest.raises(ValueError, match="an inverse if the number of poles in the right half plane differs"):
         robust.uncertainty([frf, control.tf([1], [1, -1])], LAG, form="multiplicative")
 
 

@@ -109,7 +109,7 @@ def test_what_only_several_channels_have_names_what_to_take(model):
     if not model.is_single:
         return
     for call in (model.open_loop, lambda: model.entry_radius(model.omega), lambda: model.loop(1.0)):
-        with pytest.raises(ValueError, match=r"model must be of several channels to .*, got one of one input"):
+        with pytest.raises(ValueError, match=r"model must have several channels to .*, got one input"):
             call()
 
 

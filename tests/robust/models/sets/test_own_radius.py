@@ -69,7 +69,7 @@ def test_a_fitted_nominal_brings_its_delay_into_the_set():
 @pytest.mark.parametrize(
     ("radius", "options", "expected"),
     [
-        (-OMEGA, {}, "radius must be positive, one for each"),
+        (-OMEGA, {}, "radius must be positive, one value for each"),
         (OMEGA[1:], {}, "radius"),
         (OMEGA, {"form": "coprime"}, "must not depend on units"),
         (0.1 + 0 * OMEGA, {"order": 0}, 'mean excess .*above="flat"'),
@@ -85,7 +85,7 @@ def test_what_is_no_radius_is_refused(radius, options, expected):
 @pytest.mark.parametrize(
     ("bla", "options", "expected"),
     [
-        ([control.frd(plants()[0], OMEGA)], {"simultaneous": True}, "left out where plants are given"),
+        ([control.frd(plants()[0], OMEGA)], {"simultaneous": True}, "left out with plants"),
         ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on units"),
         (plants(), {}, "must hold an FRF, .*UncertaintyModel\\(nominal, weight"),
         ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),

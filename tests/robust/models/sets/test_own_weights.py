@@ -20,7 +20,7 @@ SCALES = {
 
 @pytest.mark.parametrize("form", SCALES)
 def test_the_call_that_a_refusal_names_makes_the_set(form):
-    with pytest.raises(ValueError, match="left and right must hold the weights of a plant of 2 outputs by 2") as stop:
+    with pytest.raises(ValueError, match="left and right must be the weights for a plant with 2 outputs by 2") as stop:
         UncertaintyModel(G, 0.2, form)
     call = str(stop.value).rpartition(": ")[2]
     assert SCALES[form] in call
@@ -75,7 +75,7 @@ def test_an_open_loop_is_designed_for_and_takes_the_part_that_its_refusal_names(
     found = dk_iteration(system, n_y=1, n_u=1, n_rounds=1)
     by_hand = dk_iteration(system.N, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
     assert found.mu == by_hand.mu < 1
-    with pytest.raises(ValueError, match="n_y and n_u must be how many of the last outputs z, e K reads"):
+    with pytest.raises(ValueError, match="n_y and n_u must be the number of last outputs, of z, e, that K reads"):
         dk_iteration(system)
     with pytest.raises(ValueError, match="blocks must be left out for an interconnection"):
         dk_iteration(system, [(1, 1)], 1, 1)
@@ -88,6 +88,6 @@ def test_what_takes_no_interconnection_names_what_does(tmp_path):
         lambda: robust.worst_case(system, 1.0),
         lambda: robust.reports.write_report(tmp_path / "r.html", system, 1.0),
     ):
-        with pytest.raises(ValueError, match=r"got an UncertainSystem: check_structure\(system\) checks it"):
+        with pytest.raises(ValueError, match=r"got an UncertainSystem: use check_structure\(system\)"):
             call()
     assert robust.analysis.check_structure(system).margins.worst is not None

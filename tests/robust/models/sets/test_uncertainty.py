@@ -104,7 +104,7 @@ def test_samples_of_an_frf_model_are_frfs():
 
 
 def test_inverse_forms_are_refused_where_the_radius_reaches_the_gain():
-    with pytest.raises(ValueError, match="form must be multiplicative or additive where the radius reaches"):
+    with pytest.raises(ValueError, match="form must be multiplicative or additive if the radius reaches"):
         uncertainty(exact(sigma_distortion=0.5 * SIZE), NOMINAL, form="inverse-multiplicative")
 
 

@@ -180,7 +180,7 @@ def test_around_an_frf_the_holds_of_two_records_are_held_together():
     model = uncertainty(first, robust.frd(first), order=1)
     assert abs(validate(model, second).delay) < 5e-5
     assert validate(model, second).p_value > 0.01
-    with pytest.raises(ValueError, match="bla must have lines of the FRF that the model is made around"):
+    with pytest.raises(ValueError, match="bla must have lines of the FRF on which the model is based"):
         validate(model, record(3, f=np.arange(10, 400) * 0.3))
 
 
@@ -201,7 +201,7 @@ def test_the_conclusion_says_what_changed_and_whether_the_set_holds_it():
         nlfrf.identify(nlfrf.Record(u=ms.u[None], y=(g * ms.u + 0.02 * ms.u**3)[None], fs=128, lines=ms.lines))
         for g in (1.0, 1.3)
     )
-    assert str(robust.validate(first, first)).endswith("conclusion: no change is seen (at 1 %)")
+    assert str(robust.validate(first, first)).endswith("conclusion: no significant change (at 1 %)")
     assert "the FRF has another shape" in robust.validate(first, louder).conclusion
     model = robust.uncertainty(first, control.tf([1.0], [1]), order=0, above="flat")
-    assert robust.validate(model, louder).conclusion.endswith("the set does not hold every line of this record")
+    assert robust.validate(model, louder).conclusion.endswith("the set does not contain every line of this record")

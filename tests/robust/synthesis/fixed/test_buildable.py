@@ -29,7 +29,7 @@ def test_a_filter_chosen_by_the_design_does_not_ring():
 def test_a_filter_time_that_rings_is_warned_of():
     for filter_time, pole in ((1e-3, -3 / 7), (2.4e-3, -0.1 / 4.9)):
         with pytest.warns(
-            robust.DesignWarning, match=r"the derivative rings, d\[k\] = -0\.\d+ d.*two samples are 0.01 s"
+            robust.DesignWarning, match=r"the derivative rings, d\[k\] = -0\.\d+ d.*use two samples, 0.01 s"
         ):
             design = robust.design_frf(PLANT, "PID", filter_time=filter_time, n_iterations=1, **ASKED)
         assert filter_pole(design.K) == pytest.approx(pole, rel=1e-6)
@@ -38,7 +38,7 @@ def test_a_filter_time_that_rings_is_warned_of():
 
 def test_an_integral_that_is_nothing_is_named():
     found = reason_for_unusual_gains(robust.shaping.pid(2.0, 2.0 / 3.75e9, dt=1e-3))
-    assert found == "Ti = 3.75e+09 s: the integral is nothing; --structure P leaves it out"
+    assert found == "Ti = 3.75e+09 s: the integral is negligible; --structure P leaves it out"
     assert reason_for_unusual_gains(robust.shaping.pid(2.0, 2.0 / 900, dt=1e-3)) == ""
 
 

@@ -228,7 +228,7 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
 
     monkeypatch.setattr(iteration, "solve_step", failing)
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0)
-    assert design.reason == "the solver CLARABEL failed: PanicError; the last controller before is kept"
+    assert design.reason == "the solver CLARABEL failed: PanicError; the previous controller is kept"
     assert stable(BOOK, design.K)
     assert design.gamma == pytest.approx(design.history[-1], rel=1e-3)
 
@@ -328,7 +328,7 @@ def test_pid_from_one_record():
     [
         (lambda: design_frf(BOOK, "PIDD", M_S=2), "structure must be one of P, I, PI"),
         (lambda: design_frf(BOOK, 40, M_S=2), "structure must have an order"),
-        (lambda: design_frf(BOOK, "PID"), "nothing is asked of the loop"),
+        (lambda: design_frf(BOOK, "PID"), "got no demand on the loop"),
         (lambda: design_frf(BOOK, "PID", M_S=2, aim="gamma"), 'aim must be "gain"'),
         (lambda: design_frf(BOOK, "PI", M_S=2, filter_time=0.1), "filter_time must only be given with PD or PID"),
         (lambda: design_frf(BOOK, "PID", M_S=2, filter_time=0.0), "filter_time must be positive"),

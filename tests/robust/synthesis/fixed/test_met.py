@@ -77,7 +77,7 @@ class TestSign:
 
     def test_and_one_that_is_wrong(self):
         bla = scattered(-FREE, np.geomspace(1, 300, 60), size=0.05, rng=np.random.default_rng(2))
-        with pytest.raises(ValueError, match=r"the phase of the FRF says that y falls as u rises\. Change the sign"):
+        with pytest.raises(ValueError, match=r"by the phase of the FRF y falls as u rises\. Change the sign"):
             design_frf(bla, "PI", M_S=2, positive=True)
 
 

@@ -98,7 +98,7 @@ def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
     design = design_frf(set_of(apart, "input", (0.02, 0.02), (1.0, 1.0)), "PI", M_S=2.0, n_iterations=2)
     assert design.met, design.reason
     assert np.count_nonzero(made) == 2
-    assert "designed again where it fell short" in design.reason
+    assert "designed again if it failed" in design.reason
 
 
 @pytest.mark.attack
@@ -135,8 +135,8 @@ def test_from_measured_lines_alone():
 @pytest.mark.parametrize(
     ("G", "options", "message"),
     [
-        (STAGE, {"M_S": [2.0]}, "M_S must have one of 2 loops each where it is a list, got 1"),
-        (STAGE, {"M_S": 2.0, "dt": 0.01}, "dt and delay must be in the nominal of several channels"),
+        (STAGE, {"M_S": [2.0]}, "M_S must have one entry for each of 2 loops if it is a list, got 1"),
+        (STAGE, {"M_S": 2.0, "dt": 0.01}, "dt and delay must be in the nominal for several channels"),
         (STAGE, {"M_S": 2.0, "delay": 0.01}, "dt and delay must be in the nominal"),
         (STAGE, {"M_S": 2.0, "n_unstable": 1}, "n_unstable must be 0 for loops closed in turn, .*, got 1"),
         (STAGE, {"M_S": 2.0, "prove": 1}, "prove must be left out of a design for a matrix"),
@@ -152,7 +152,7 @@ def test_a_list_of_matrices_is_refused_as_one():
     """An Bla in a list was said to be no plant, which an Bla alone is."""
     one = set_of(STAGE, "input", (0.1, 0.1), (1.0, 1.0))
     with pytest.raises(
-        ValueError, match=r"plant must be one Bla or UncertaintyModel of several .* got a list of matrices"
+        ValueError, match=r"plant must be one Bla or UncertaintyModel with several .* got a list of matrices"
     ):
         design_frf([one, one], "PI", M_S=2.0)
 

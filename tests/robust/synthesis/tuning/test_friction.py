@@ -142,7 +142,7 @@ def test_a_cascade_on_a_servo_axis_is_proved():
             ),
         ),
         (
-            "friction limits for a plant of one input and output only",
+            "friction limits for a plant with one input and one output only",
             lambda: robust.tune(
                 [],
                 tuning.Plants(control.ss([[-1.0]], [[1.0]], [[1.0], [1.0]], 0), inputs="u", outputs=["x", "y"]),
