@@ -1,4 +1,4 @@
-"""What `robust.tune` takes and returns: blocks, limits, plants.
+"""The blocks, limits and plants of `robust.tune`, and its result.
 
 The public names of `robust.synthesis.tuning`, in one place.
 """

@@ -241,7 +241,7 @@ class Bla(Channels):
 
     @property
     def is_single(self) -> bool:
-        """Whether the plant has one input and one output, so that arrays have no axes of channels."""
+        """True if the plant has one input and one output, so that arrays have no axes of channels."""
         return bool(self.G.ndim == 1)
 
     @property

@@ -182,20 +182,12 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
 
 @value(copy=False)
 class _NonlinearityOrder:
-    """Order of the nonlinearity, by the phases of the odd detection lines.
+    """Order of the nonlinearity, by the phases of the odd detection lines."""
 
-    Fields
-    ------
-    order : int
-        3: a cubic. 5: may be a fifth power. 1: flatter than any power: saturation, jump or memory. 0: unknown.
-    coherence : float
-        Squared coherence of these lines with the cube of their source.
-    hypothesis : int
-        Source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind them.
-    """
-
+    # 3: a cubic. 5: may be a fifth power. 1: flatter than any power: saturation, jump or memory. 0: unknown.
     order: int = 0
-    coherence: float = 0.0
+    coherence: float = 0.0  # squared coherence of these lines with the cube of their source
+    # source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind them
     hypothesis: int = 0
 
     def describe(self, gain_varies: bool, one_period: bool) -> str:

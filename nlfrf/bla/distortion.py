@@ -68,29 +68,17 @@ _N_NEWTON_STEPS = 3  # further steps change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
-    """Covariance of the residual of one experiment by everything but the BLA; `FrmEstimate.gamma` multiplies it.
+    """Covariance of the residual of one experiment by everything but the BLA; `FrmEstimate.gamma` multiplies it."""
 
-    Fields
-    ------
-    cov : (n_y, n_y, F) ndarray
-        Expectation at each excited line, noise included.
-    cov_bound, dof : (n_y, n_y, F), (F,) ndarray
-        On its diagonal the scale of the scaled F(2, 2 dof) for the error of each output's row. Its 95 % quantile, and
-        for one output also that at 99.9 %, are those of the mixture.
-    grid_factor : (F,) ndarray
-        c at the excited line over its mean on the detection lines, averaged over hypotheses and outputs.
-    cov_even : (n_y, n_y, F) ndarray
-        Covariance on the even lines, noise included; nan without them.
-    detected : (n_y, F) ndarray
-        Variance from the odd detection lines alone, noise included; nan without them.
-    """
-
-    cov: np.ndarray
+    cov: np.ndarray  # (n_y, n_y, F) expectation at each excited line, noise included
+    # cov_bound, dof: (n_y, n_y, F) or (F,) on its diagonal the scale of the scaled F(2, 2 dof) for the error of each
+    # output's row. Its 95 % quantile, and for one output also that at 99.9 %, are those of the mixture.
     cov_bound: np.ndarray
     dof: np.ndarray
+    # (F,) c at the excited line over its mean on the detection lines, averaged over hypotheses and outputs
     grid_factor: np.ndarray
-    cov_even: np.ndarray
-    detected: np.ndarray
+    cov_even: np.ndarray  # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
+    detected: np.ndarray  # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
 
     def with_minimum(self, power: np.ndarray) -> DistortionVariance:
         """Return the covariances with each diagonal raised to at least `power` (n_y, F)."""
@@ -104,83 +92,48 @@ class DistortionVariance(NamedTuple):
 
 
 class _OutputVariance(NamedTuple):
-    """Distortion of one output, as variances (F,).
+    """Distortion of one output, as variances (F,)."""
 
-    Fields
-    ------
-    variance, var_bound, dof, grid_factor, detected : (F,) ndarray
-        As in `DistortionVariance`.
-    rough_is_distortion : (F,) ndarray
-        Probability that the roughness is distortion; otherwise G bends.
-    """
-
+    # variance, var_bound, dof, grid_factor, detected: (F,) as in `DistortionVariance`
     variance: np.ndarray
     var_bound: np.ndarray
     dof: np.ndarray
     grid_factor: np.ndarray
     detected: np.ndarray
-    rough_is_distortion: np.ndarray
+    rough_is_distortion: np.ndarray  # (F,) probability that the roughness is distortion; otherwise G bends
 
 
 @value(copy=False)
 class WindowCoordinates:
-    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the grid alone.
+    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the grid alone."""
 
-    Fields
-    ------
-    x : (n, F) ndarray
-        Position of each detection line of a window from its excited line, in standard deviations of the slope.
-    x_rough : (F,) ndarray
-        Mean position of the excited lines of a roughness window.
-    common, x_common : float, (F,) ndarray
-        Weight of the calibration error common to a window; the same times the sum of x over the window.
-    n_lines : float
-        Weight of the lines of a window for the level, as a number of lines.
-    covariance : (3, F) ndarray
-        Inverse of the normal equations: level, level with slope, slope with its prior.
-    dof : (F,) ndarray
-        Degrees of freedom of the level.
-    n_distinct : (F,) ndarray
-        Detection lines in the windows of nine neighbouring excited lines, over the length of one window.
-    """
-
+    # (n, F) position of each detection line of a window from its excited line, in standard deviations of the slope
     x: np.ndarray
-    x_rough: np.ndarray
+    x_rough: np.ndarray  # (F,) mean position of the excited lines of a roughness window
+    # common, x_common: (F,) weight of the calibration error common to a window; the same times the sum of x over the
+    # window
     common: float
     x_common: np.ndarray
-    n_lines: float
-    covariance: np.ndarray
-    dof: np.ndarray
+    n_lines: float  # weight of the lines of a window for the level, as a number of lines
+    covariance: np.ndarray  # (3, F) inverse of the normal equations: level, level with slope, slope with its prior
+    dof: np.ndarray  # (F,) degrees of freedom of the level
+    # (F,) detection lines in the windows of nine neighbouring excited lines, over the length of one window
     n_distinct: np.ndarray
 
 
 class _OutputData(NamedTuple):
-    """The data of one output.
+    """The data of one output."""
 
-    Fields
-    ------
-    power : (K,) ndarray
-        Mean |Y - G U|^2 over experiments, on all lines.
-    Y : (M, F) complex ndarray
-        The output on the excited lines.
-    gain, noise : (K,) ndarray
-        As in `NonlinearResidual`; the noise averaged over neighbouring lines, or None.
-    gain_varies : bool
-        Whether the gain changes over the band.
-    rough, dof_rough : (F,) ndarray or None
-        Roughness of its FRFs as a variance of the residual, and its complex degrees of freedom.
-    scatter : (F,) ndarray
-        Variance of the residual from the scatter over sets.
-    """
-
-    power: np.ndarray
-    Y: np.ndarray
+    power: np.ndarray  # (K,) mean |Y - G U|^2 over experiments, on all lines
+    Y: np.ndarray  # (M, F) complex the output on the excited lines
+    # gain, noise: (K,) as in `NonlinearResidual`; the noise averaged over neighbouring lines, or None
     gain: np.ndarray
     noise: np.ndarray | None
-    gain_varies: bool
+    gain_varies: bool  # whether the gain changes over the band
+    # rough, dof_rough: (F,) roughness of its FRFs as a variance of the residual, and its complex degrees of freedom
     rough: np.ndarray | None
     dof_rough: np.ndarray | None
-    scatter: np.ndarray
+    scatter: np.ndarray  # (F,) variance of the residual from the scatter over sets
 
 
 def estimate_distortion_variance(

@@ -33,19 +33,12 @@ _MIN_PLAYED_AMPLITUDE = 0.03
 
 
 class _CrestCorrection(NamedTuple):
-    """Correction of the distortion level for the crest factor of the inputs; see `crest_correction`.
+    """Correction of the distortion level for the crest factor of the inputs; see `crest_correction`."""
 
-    Fields
-    ------
-    distortion_ratio, coherent_share : float
-        As in `crest_correction`; means over the inputs.
-    has_low_crest : bool
-        True if an input has a lower crest factor than usual.
-    """
-
+    # distortion_ratio, coherent_share: as in `crest_correction`; means over the inputs
     distortion_ratio: float
     coherent_share: float
-    has_low_crest: bool
+    has_low_crest: bool  # True if an input has a lower crest factor than usual
 
 
 def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, _CrestCorrection]:

@@ -52,38 +52,22 @@ class FrmEstimate(NamedTuple):
     With W = Z^H (U Z^H)^-1 for instruments Z a residual V = Y - G U of the experiments moves G by dG = V W. So
     Cov(vec G) = conj(gamma) kron C_V with gamma = W^H W and C_V the covariance of ONE experiment's residual, noise on
     the inputs and feedback included.
-
-    Fields
-    ------
-    G : (n_y, n_u, F) complex ndarray
-        The matrix: the mean over sets, or with a reference the least-squares solution over all of them.
-    G_each : (R, n_y, n_u, F) complex ndarray
-        The matrix of each set, Y U^-1.
-    gamma : (n_u, n_u, F) ndarray
-        Factor from the covariance of one experiment's residual to Cov(vec G).
-    gamma_each : (R, n_u, n_u, F) ndarray
-        The same for each set.
-    noise_each : (R, n_y, F) ndarray
-        Variance of the residual of each set's experiments by noise; nan for one period.
-    cov_noise : (n_y, n_y, F) ndarray
-        Covariance of one experiment's residual by noise; nan for one period.
-    cov_scatter : (n_y, n_y, F) ndarray
-        Total covariance of one experiment's residual, from the scatter over sets; nan for one set.
-    gamma_of_set : (n_u, F) ndarray
-        Diagonal of R times gamma.
-    level_scale : (F,) ndarray or float
-        Covariance for `gamma` over the mean power of residuals: below one if inputs differ from set to set, because a
-        set of small inputs has a larger share in gamma.
     """
 
+    # (n_y, n_u, F) complex the matrix: the mean over sets, or with a reference the least-squares solution over all of
+    # them
     G: np.ndarray
-    G_each: np.ndarray
-    gamma: np.ndarray
-    gamma_each: np.ndarray
+    G_each: np.ndarray  # (R, n_y, n_u, F) complex the matrix of each set, Y U^-1
+    gamma: np.ndarray  # (n_u, n_u, F) factor from the covariance of one experiment's residual to Cov(vec G)
+    gamma_each: np.ndarray  # (R, n_u, n_u, F) the same for each set
+    # (R, n_y, F) variance of the residual of each set's experiments by noise; nan for one period
     noise_each: np.ndarray
-    cov_noise: np.ndarray
+    cov_noise: np.ndarray  # (n_y, n_y, F) covariance of one experiment's residual by noise; nan for one period
+    # (n_y, n_y, F) total covariance of one experiment's residual, from the scatter over sets; nan for one set
     cov_scatter: np.ndarray
-    gamma_of_set: np.ndarray
+    gamma_of_set: np.ndarray  # (n_u, F) diagonal of R times gamma
+    # (F,) covariance for `gamma` over the mean power of residuals: below one if inputs differ from set to set, because
+    # a set of small inputs has a larger share in gamma
     level_scale: np.ndarray | float = 1.0
 
 

@@ -20,39 +20,24 @@ SMOOTHING_LINES = 9  # neighbouring lines over which powers and gains are averag
 
 @value(copy=False)
 class LineIndex:
-    """The excited and detection lines of a grid in one row, and the windows of neighbours around each excited line.
+    """The excited and detection lines of a grid in one row, and the windows of neighbours around each excited line."""
 
-    Fields
-    ------
-    lines : (K,) int ndarray
-        All lines, increasing.
-    excited, odd, even : (F,), (O,), (E,) int ndarray
-        Indices of each kind of line in `lines`.
-    detection : (D,) int ndarray
-        The odd detection lines, and odd lines just below the band.
-    excited_windows, odd_windows : (F, n) int ndarray
-        For each excited line the nearest excited and odd lines, nearest first, as indices into `excited` and
-        `detection`.
-    detection_windows : (n, k, F) int ndarray
-        For each excited line the nearest odd lines, and the nearest even ones if there are any, as indices into
-        `lines`; -1 if there are fewer. Windows are on the first axis, so that sums over them run through memory in
-        order.
-    even_windows : (n, 1, F) int ndarray
-        The windows of even lines alone.
-    excited_below, interpolation_weight : (K,) int and float ndarray
-        The excited line below each line, as an index into `excited`, and the distance to it as a fraction of the step
-        to the next one, from 0 to 1; 0 outside the band.
-    """
-
-    lines: np.ndarray
+    lines: np.ndarray  # (K,) all lines, increasing
+    # excited, odd, even: (F,) or (O,) or (E,) indices of each kind of line in `lines`
     excited: np.ndarray
     odd: np.ndarray
     even: np.ndarray
-    detection: np.ndarray
+    detection: np.ndarray  # (D,) the odd detection lines, and odd lines just below the band
+    # excited_windows, odd_windows: (F, n) for each excited line the nearest excited and odd lines, nearest first, as
+    # indices into `excited` and `detection`
     excited_windows: np.ndarray
     odd_windows: np.ndarray
+    # (n, k, F) for each excited line the nearest odd lines, and the nearest even ones if there are any, as indices into
+    # `lines`; -1 if there are fewer. Windows are on the first axis, so that sums over them run through memory in order.
     detection_windows: np.ndarray
-    even_windows: np.ndarray
+    even_windows: np.ndarray  # (n, 1, F) the windows of even lines alone
+    # excited_below, interpolation_weight: (K,) the excited line below each line, as an index into `excited`, and the
+    # distance to it as a fraction of the step to the next one, from 0 to 1; 0 outside the band
     excited_below: np.ndarray
     interpolation_weight: np.ndarray
 

@@ -45,24 +45,13 @@ _MAX_GLOBAL_VARIANCE_RATIO = 0.5
 
 
 class LocalFit(NamedTuple):
-    """FRFs fitted over their neighbouring lines; of the shape of the FRFs, (M, F) or (M, n_y, n_u, F).
+    """FRFs fitted over their neighbouring lines; of the shape of the FRFs, (M, F) or (M, n_y, n_u, F)."""
 
-    Fields
-    ------
-    G : complex ndarray
-        Fitted value at each line.
-    variance : ndarray
-        Variance of the FRF about the fit.
-    dof : ndarray
-        Complex degrees of freedom of `variance`.
-    residual : (M, n_y, n_u, F, n) complex ndarray or None
-        Residual of the fit on the lines of each window, times the weight there. None for one output: only the
-        correlation of outputs needs it, and it is large for long records.
-    """
-
-    G: np.ndarray
-    variance: np.ndarray
-    dof: np.ndarray
+    G: np.ndarray  # complex fitted value at each line
+    variance: np.ndarray  # variance of the FRF about the fit
+    dof: np.ndarray  # complex degrees of freedom of `variance`
+    # (M, n_y, n_u, F, n) complex residual of the fit on the lines of each window, times the weight there. None for one
+    # output: only the correlation of outputs needs it, and it is large for long records.
     residual: np.ndarray | None
 
 
@@ -342,7 +331,7 @@ def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray,
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return `_orthonormal_polynomials` under a weight of one, with or without the line itself."""
+    """Return `_orthonormal_polynomials` under a unit weight, with or without the line itself."""
     r = _local_powers(index)[0][:, 0 if with_center else 1 :]
     both = _orthonormal_polynomials(r, np.ones((1, *r.shape)))
     for array in both:

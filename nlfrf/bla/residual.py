@@ -23,29 +23,17 @@ _CLEAR_GAIN_VARIATION = 2.0  # the same for single lines, which scatter in one r
 
 
 class NonlinearResidual(NamedTuple):
-    """The outputs of all experiments minus their linear part.
+    """The outputs of all experiments minus their linear part."""
 
-    Fields
-    ------
-    G : (n_y, n_u, K) complex ndarray
-        The matrix, locally fitted and interpolated to all lines, excited and not.
-    gain : (n_y, K) ndarray
-        Mean square of each output over the excitation power, for the matrix as measured and equal power on all lines:
-        sum_i |G_ji|^2 a_i^2, interpolated. A local fit smears a light mode, and its level with it; in a loop U dips at
-        a resonance, and distortion does not.
-    gain_varies : (n_y,) tuple of bool
-        True if `gain` changes over the band, so that source and place of the distortion matter.
-    Y : (n_y, M, K) complex ndarray
-        Y - G U, also on detection lines.
-    noise : (n_y, K) ndarray
-        Variance of Y by noise, averaged over experiments; nan for one period.
-    """
-
-    G: np.ndarray
+    G: np.ndarray  # (n_y, n_u, K) complex the matrix, locally fitted and interpolated to all lines, excited and not
+    # (n_y, K) mean square of each output over the excitation power, for the matrix as measured and equal power on all
+    # lines: sum_i |G_ji|^2 a_i^2, interpolated. A local fit smears a light mode, and its level with it; in a loop U
+    # dips at a resonance, and distortion does not.
     gain: np.ndarray
+    # True if `gain` changes over the band, so that source and place of the distortion matter
     gain_varies: tuple[bool, ...]
-    Y: np.ndarray
-    noise: np.ndarray
+    Y: np.ndarray  # (n_y, M, K) complex Y - G U, also on detection lines
+    noise: np.ndarray  # (n_y, K) variance of Y by noise, averaged over experiments; nan for one period
 
     def smoothed_noise(self, output: int) -> np.ndarray | None:
         """Return the (K,) noise variance of an output, averaged over neighbouring lines; None if unknown or zero."""

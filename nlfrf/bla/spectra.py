@@ -124,33 +124,20 @@ def _nonharmonic_offsets(n_periods: int) -> np.ndarray:
 
 @value(copy=False)
 class Spectra:
-    """Spectra 2/N rfft of all channels on chosen lines, averaged over periods.
+    """Spectra 2/N rfft of all channels on chosen lines, averaged over periods."""
 
-    Fields
-    ------
-    lines : (K,) int ndarray
-        DFT lines, increasing.
-    U, Y : (n_u, M, K), (n_y, M, K) complex ndarray
-        Mean over periods, so that |U| is the amplitude of the cosine on that line.
-    R : (n_u, M, K) complex ndarray or None
-        The same for the references.
-    dU, dY : (n_u, M, D, K), (n_y, M, D, K) complex ndarray
-        Scatter: its products, summed over D, are the covariance of the mean by noise. A single zero for an input that
-        repeats exactly; D = 0 for one period.
-    n_periods : int
-        Number of periods in the means.
-    index : LineIndex
-        Indices of each kind of line of the grid, with its neighbours.
-    """
-
-    lines: np.ndarray
+    lines: np.ndarray  # (K,) DFT lines, increasing
+    # U, Y: (n_u, M, K) or (n_y, M, K) complex mean over periods, so that |U| is the amplitude of the cosine on that
+    # line
     U: np.ndarray
     Y: np.ndarray
-    R: np.ndarray | None
+    R: np.ndarray | None  # (n_u, M, K) complex the same for the references
+    # dU, dY: (n_u, M, D, K) or (n_y, M, D, K) complex scatter: its products, summed over D, are the covariance of the
+    # mean by noise. A single zero for an input that repeats exactly; D = 0 for one period.
     dU: np.ndarray
     dY: np.ndarray
-    n_periods: int
-    index: LineIndex
+    n_periods: int  # number of periods in the means
+    index: LineIndex  # indices of each kind of line of the grid, with its neighbours
 
     @cached_property
     def excitation(self) -> np.ndarray:
@@ -177,7 +164,7 @@ class Spectra:
 
     @cached_property
     def is_zippered(self) -> bool:
-        """Whether each line drives one input only."""
+        """True if each line drives one input only."""
         if len(self.U) == 1:
             return False
         size = np.sqrt(np.mean(squared_modulus(self.excitation), axis=1))

@@ -29,23 +29,13 @@ _MIN_ZIPPERED_DENOMINATOR = 0.02
 
 @value(copy=False)
 class _ColumnInterpolation:
-    """Interpolation of the columns between their own lines.
+    """Interpolation of the columns between their own lines."""
 
-    Fields
-    ------
-    owner : (F,) int ndarray
-        Input that each line drives.
-    line_variance : (F,) ndarray
-        Variance of an entry of its column over that of one experiment's residual.
-    window : (F, n_u, n) int ndarray
-        Indices of the lines from which column i was fitted at line k.
-    error_weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
-        Derivative of each fitted entry with respect to the error of each entry of its window.
-    """
-
-    owner: np.ndarray
-    line_variance: np.ndarray
-    window: np.ndarray
+    owner: np.ndarray  # (F,) input that each line drives
+    line_variance: np.ndarray  # (F,) variance of an entry of its column over that of one experiment's residual
+    window: np.ndarray  # (F, n_u, n) indices of the lines from which column i was fitted at line k
+    # (F, n_u, n_y, n_u, n, n_y) complex derivative of each fitted entry with respect to the error of each entry of its
+    # window
     error_weights: np.ndarray
 
 

@@ -51,29 +51,17 @@ _OTHER_WAY = "arrays of any origin go to record_from_samples(u, y, fs=...)"
 
 @value
 class Channels:
-    """Contents of a file: arrays by name.
+    """Contents of a file: arrays by name."""
 
-    Fields
-    ------
-    path : str
-        Path of the file.
-    arrays : dict of str to ndarray
-        Numeric arrays and texts. Members of structs are ``struct.member``, columns of matrices ``matrix.2``. The start
-        of a channel [s] is ``channel.start``: readers give it in the unit that `units` states, and by
-        ``channel.moment`` [s] the moment at which it began to count.
-    units : dict of str to str
-        Units that the file states apart from the names.
-    clocks : dict of str to float or str
-        Sampling frequency [Hz] or name of the time channel, as the file states it for a channel, or for all by "".
-    notes : dict of str to str
-        Reasons why an entry of the file is no signal.
-    """
-
-    path: str
+    path: str  # path of the file
+    # numeric arrays and texts. Members of structs are ``struct.member``, columns of matrices ``matrix.2``. The start of
+    # a channel [s] is ``channel.start``: readers give it in the unit that `units` states, and by ``channel.moment`` [s]
+    # the moment at which it began to count.
     arrays: Mapping[str, np.ndarray]
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # units that the file states apart from the names
+    # sampling frequency [Hz] or name of the time channel, as the file states it for a channel, or for all by ""
     clocks: Mapping[str, float | str] = field(default_factory=dict)
-    notes: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)  # reasons why an entry of the file is no signal
 
     def full_name(self, name: str) -> str:
         """Return the full name of a channel: "input" finds "input (V)" and "run.input", if it is unique."""

@@ -58,21 +58,11 @@ _MAX_LOST_SHARE = 0.05  # share of the rows with a jump of time above which the 
 
 @value(in_sentences=True)
 class _LostRows:
-    """Places of the rows of a file on an even clock.
+    """Places of the rows of a file on an even clock."""
 
-    Fields
-    ------
-    place : (n,) ndarray of int
-        Sample number of each row, counted from the first one.
-    moments : (n,) ndarray
-        Time of each row [s].
-    fs : float
-        Sampling frequency [Hz].
-    """
-
-    place: np.ndarray
-    moments: np.ndarray
-    fs: float
+    place: np.ndarray  # (n,) sample number of each row, counted from the first one
+    moments: np.ndarray  # (n,) time of each row [s]
+    fs: float  # sampling frequency [Hz]
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
         """Return a stream with lost rows interpolated linearly: only good enough to find its period."""
@@ -464,9 +454,9 @@ def load_record(
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
         ``matrix.2`` for a column, ``col2`` for a table without a header; by default "u" and "y". A list of inputs
         gives one record of all channels, with one file per experiment. One input and a list of names for `y` give a
-        list of records that share the input. For a record of several channels that `save_record` wrote, `u` may be left
-        out, and `y` chooses outputs; several such files give the experiments of all. Such a record keeps its reference
-        if `r` is not given.
+        list of records that share the input. For a record with several channels that `save_record` wrote, `u` may be
+        left out, and `y` chooses outputs; several such files give the experiments of all. Such a record keeps its
+        reference if `r` is not given.
     fs : float, optional
         Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate stated for a channel,
         or a time channel (in seconds, or in the unit in its name or in a row of units).
@@ -610,7 +600,7 @@ def _load_channels(
     fs: float | None,
     options: Cutting,
 ) -> Record:
-    """Return the record of several inputs or outputs in measurement files, one file per experiment."""
+    """Return the record with several inputs or outputs in measurement files, one file per experiment."""
     if isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
@@ -638,7 +628,7 @@ def _load_channels(
 
 
 def _holds_several(file: Channels) -> bool:
-    """Return whether a file is a record of several channels, written by this package."""
+    """Return whether a file is a record with several channels, written by this package."""
     return file.text("schema") == MULTIRECORD_SCHEMA
 
 

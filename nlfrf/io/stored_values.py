@@ -22,7 +22,7 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-#: Values inside a Bla or an experiment; levels of several channels are one per output.
+#: Values inside a Bla or an experiment; levels for several channels are one per output.
 _NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "lines": LineGrid,
     "experiment": Experiment,

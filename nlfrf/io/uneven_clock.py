@@ -20,21 +20,11 @@ _MAX_NAMED = 3  # places that a message lists
 
 @value(in_sentences=True)
 class UnevenClock:
-    """A time column that does not come from an even clock.
+    """A time column that does not come from an even clock."""
 
-    Fields
-    ------
-    seconds : (n,) ndarray
-        Time of each row [s].
-    fs : float
-        Sampling frequency of the usual steps [Hz].
-    rows : (k,) ndarray of int
-        Rows at which the steps begin to differ from the usual ones.
-    """
-
-    seconds: np.ndarray
-    fs: float
-    rows: np.ndarray
+    seconds: np.ndarray  # (n,) time of each row [s]
+    fs: float  # sampling frequency of the usual steps [Hz]
+    rows: np.ndarray  # (k,) rows at which the steps begin to differ from the usual ones
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
         """Return streams (..., n) at the usual rate, by a cubic spline through their rows; the last of equal times."""

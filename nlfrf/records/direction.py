@@ -48,12 +48,12 @@ class SignalLines(NamedTuple):
 
     @property
     def is_clean(self) -> bool:
-        """Whether the signal may have been played: its lines have one level, and its detection lines are empty."""
+        """True if the signal may have been played: its lines have one level, and its detection lines are empty."""
         return bool(self.spread < _MIN_UNEVEN and not self.emptiness(self.grid.excited) > _EMPTY)
 
     @property
     def is_one_period(self) -> bool:
-        """Whether the signal is one period of an odd multisine: enough lines, all odd, without a common divisor."""
+        """True if the signal is one period of an odd multisine: enough lines, all odd, without a common divisor."""
         excited = self.grid.excited
         odd = excited.size >= _MIN_ODD_LINES and np.all(excited % 2) and np.gcd.reduce(excited) == 1
         return bool(odd and self.emptiness(excited) < _MAX_DIRT_RATIO)

@@ -205,7 +205,7 @@ class Record(Channels):
 
     @property
     def is_single(self) -> bool:
-        """Whether the record has one input and one output, so that its arrays have no axis of channels."""
+        """True if the record has one input and one output, so that its arrays have no axis of channels."""
         return bool(self.u.ndim == 3)
 
     @property

@@ -38,33 +38,15 @@ class _FaultySpan(NamedTuple):
 
 @value
 class ScreenedStreams:
-    """Streams of samples as they were recorded, with the faults found by screening.
+    """Streams of samples as they were recorded, with the faults found by screening."""
 
-    Fields
-    ------
-    labels : tuple of str
-        Name and unit of each stream.
-    samples : (C, n) ndarray
-        The streams, positions unwrapped; nan at lost rows.
-    fs : float
-        Sampling frequency [Hz]; nan if unknown.
-    period : float
-        Period of the excitation [samples], 0 if the excitation does not repeat.
-    starts : (P,) int ndarray
-        First samples of the whole periods.
-    spans : tuple of FaultySpan
-        Spans that are no period, or a period unlike the others.
-    outliers : tuple of (k,) int ndarray
-        Samples of each stream that are far outside all others.
-    """
-
-    labels: tuple[str, ...]
-    samples: np.ndarray
-    fs: float
-    period: float
-    starts: np.ndarray
-    spans: tuple[_FaultySpan, ...]
-    outliers: tuple[np.ndarray, ...]
+    labels: tuple[str, ...]  # name and unit of each stream
+    samples: np.ndarray  # (C, n) the streams, positions unwrapped; nan at lost rows
+    fs: float  # sampling frequency [Hz]; nan if unknown
+    period: float  # period of the excitation [samples], 0 if the excitation does not repeat
+    starts: np.ndarray  # (P,) first samples of the whole periods
+    spans: tuple[_FaultySpan, ...]  # spans that are no period, or a period unlike the others
+    outliers: tuple[np.ndarray, ...]  # (k,) samples of each stream that are far outside all others
 
 
 def screen_streams(

@@ -68,7 +68,7 @@ class AxisExperiment:
     Fields
     ------
     ms : Multisine
-        Signal added at the port, for an amplitude of one in `gains`; M realisations.
+        Signal added at the port, for a unit amplitude in `gains`; M realisations.
     port : str
         "position", "velocity" or "force": the set point to which the drive adds it.
     force_response, position_response : (F,) ndarray
@@ -180,7 +180,7 @@ class AxisExperiment:
 
     @property
     def force_amplitude(self) -> np.ndarray:
-        """(F,) expected amplitude of the force set point on each line, for an amplitude of one in `gains`."""
+        """(F,) expected amplitude of the force set point on each line, for a unit amplitude in `gains`."""
         return np.asarray(self.ms.amplitude * np.abs(self.force_response))
 
     @property
@@ -214,7 +214,7 @@ class AxisExperiment:
 
     @property
     def is_ramp(self) -> bool:
-        """Whether the segments are levels at rest."""
+        """True if the segments are levels at rest."""
         return self.n_segments > 1 and not np.any(self.velocities)
 
     @property

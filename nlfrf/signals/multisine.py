@@ -111,7 +111,7 @@ class Multisine:
 
     @property
     def is_single(self) -> bool:
-        """Whether the multisine is for one input, so that its arrays have no axis of inputs."""
+        """True if the multisine is for one input, so that its arrays have no axis of inputs."""
         return np.ndim(self.phase) == 2
 
     @property
@@ -233,7 +233,7 @@ def multisine(
         u = mixing @ (orthogonal signals): for logical axes, or V S^-1 from a first measurement if the plant is ill
         conditioned. `rms` is that of the signals before mixing.
     n_draws : int
-        Number of draws of the phases of several inputs; the set with the lowest worst crest factor is kept.
+        Number of draws of the phases for several inputs; the set with the lowest worst crest factor is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
@@ -355,7 +355,7 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
 
 
 def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
-    """Return the (F,) relative amplitudes of one input at frequencies f [Hz]."""
+    """Return the (F,) relative amplitudes for one input at frequencies f [Hz]."""
     shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
         raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {short_form(amplitude)}")
@@ -370,7 +370,7 @@ def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarr
 
 
 def _relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: int) -> np.ndarray:
-    """Return the (n_u, F) relative amplitudes of several inputs."""
+    """Return the (n_u, F) relative amplitudes for several inputs."""
     given = amplitude(f) if callable(amplitude) else amplitude
     if given is not None and np.ndim(given) == 2:
         if len(given) != n_inputs:

@@ -1,4 +1,4 @@
-"""Tests for a measured FRF of one input and one output, or a matrix of FRFs."""
+"""Tests for a measured FRF with one input and one output, or a matrix of FRFs."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ class RobustnessReport(Findings):
 
     @property
     def performance(self) -> Demand | None:
-        """Whether the whole set meets the demand; None without a demand, and for an unstable nominal loop."""
+        """State of the demand over the whole set; None without a demand, and for an unstable nominal loop."""
         if not (self.nominally_stable and np.isfinite(self.margins.rp)):
             return None
         if self.proofs.robust_performance:

@@ -32,11 +32,11 @@ class FrictionPlant:
     B_force : (n,) ndarray
         Column through which the force of the actuator enters.
     B_port : (n,) or (n, P) ndarray
-        Column through which a force at the friction port enters [N]; one column for each of several ports.
+        Column through which a force at the friction port enters [N]; one column for each port.
     C_measured : (n,) ndarray
         Row that gives the measured position.
     C_port : (n,) or (P, n) ndarray
-        Row that gives the displacement at the friction port [m]; one row for each of several ports.
+        Row that gives the displacement at the friction port [m]; one row for each port.
     description : str
         Text for people.
     delay : float
@@ -349,34 +349,18 @@ _LONGEST_DELAY = 20  # samples
 
 @value
 class FrictionLoop:
-    """A loop around a machine without friction, and the input of a friction f at its port.
+    """A loop around a machine without friction, and the input of a friction f at its port."""
 
-    Fields
-    ------
-    F : (n, n) ndarray
-        Dynamics between the samples; those of the whole loop if the controller is continuous.
-    B : (n,) or (n, P) ndarray
-        Input of the friction: xi' = F xi + B f; one column for each of several friction ports.
-    x, v : (n,) or (P, n) ndarray
-        Displacement and velocity at the friction port; one row for each of several ports.
-    T : float
-        Sampling time [s]; zero for a continuous controller.
-    spans : (S,) ndarray
-        Durations of the flows [s].
-    jumps : (S, n, n) ndarray
-        Jump before each flow.
-    measured : (n,) ndarray
-        Row of the measured position.
-    """
-
-    F: np.ndarray
+    F: np.ndarray  # (n, n) dynamics between the samples; those of the whole loop if the controller is continuous
+    # (n,) or (n, P) input of the friction: xi' = F xi + B f; one column for each port
     B: np.ndarray
+    # x, v: (n,) or (P, n) displacement and velocity at the friction port; one row for each port
     x: np.ndarray
     v: np.ndarray
-    T: float
-    spans: np.ndarray
-    jumps: np.ndarray
-    measured: np.ndarray
+    T: float  # sampling time [s]; zero for a continuous controller
+    spans: np.ndarray  # (S,) durations of the flows [s]
+    jumps: np.ndarray  # (S, n, n) jump before each flow
+    measured: np.ndarray  # (n,) row of the measured position
 
     @property
     def columns(self) -> np.ndarray:
@@ -534,28 +518,16 @@ _CIRCLE_MARGIN = 1e-9  # rounding may put a pole closer to the unit circle on ei
 
 @value
 class _PeriodPieces:
-    """One period of a loop, cut into pieces.
+    """One period of a loop, cut into pieces."""
 
-    Fields
-    ------
-    map : (n, n) ndarray
-        State transition over the period.
-    kernel : (n, P n) ndarray
-        Effect of the friction of each piece on the state at the end of the period, n columns a piece. For any row r,
-        int |r g| over piece p is at most the norm of (r kernel) in its columns.
-    reads : (3, R, n) ndarray
-        Rows that give position, acceleration and velocity at the ends of the pieces from the state at the start.
-    within : (3, R) ndarray
-        Upper bound of their change by 1 N in the pieces of the period up to each end.
-    lengths : (P,) ndarray
-        Lengths of the pieces [s].
-    """
-
-    map: np.ndarray
+    map: np.ndarray  # (n, n) state transition over the period
+    # (n, P n) effect of the friction of each piece on the state at the end of the period, n columns a piece. For any
+    # row r, int |r g| over piece p is at most the norm of (r kernel) in its columns.
     kernel: np.ndarray
+    # (3, R, n) rows that give position, acceleration and velocity at the ends of the pieces from the state at the start
     reads: np.ndarray
-    within: np.ndarray
-    lengths: np.ndarray
+    within: np.ndarray  # (3, R) upper bound of their change by 1 N in the pieces of the period up to each end
+    lengths: np.ndarray  # (P,) lengths of the pieces [s]
 
 
 def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) -> float:

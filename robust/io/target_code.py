@@ -22,7 +22,7 @@ _TYPES = {".h": {"float32": "float", "float64": "double"}, ".st": {"float32": "R
 def export_c(
     K: Controller, path: PathLike, *, dtype: str = "float32", limit: ArrayLike | None = None, unit: str = ""
 ) -> RoundedController:
-    """Write a sampled controller of one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
+    """Write a sampled controller for one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
 
     Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic of the target. Check
     the returned controller: it is the one that runs.
@@ -30,7 +30,7 @@ def export_c(
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
-        Discrete controller of one input and one output.
+        Discrete controller with one input and one output.
     path : path
         The ``.h`` file. Its name is also that of the struct and the two functions.
     dtype : str
@@ -77,7 +77,7 @@ def export_c(
 def export_structured_text(
     K: Controller, path: PathLike, *, dtype: str = "float64", limit: ArrayLike | None = None, unit: str = ""
 ) -> RoundedController:
-    """Write a sampled controller of one loop as a function block in structured text (IEC 61131-3).
+    """Write a sampled controller for one loop as a function block in structured text (IEC 61131-3).
 
     Use this for a controller on a PLC; a P-PI cascade has `robust.servo.structured_text`. The statements are those of
     `export_c`, in REAL or LREAL. The block has an input `reset`.
@@ -85,7 +85,7 @@ def export_structured_text(
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
-        Discrete controller of one input and one output.
+        Discrete controller with one input and one output.
     path : path
         The ``.st`` file; the name of the block is FB_ and that of the file.
     dtype : str

@@ -44,22 +44,13 @@ _DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 
 @value
 class Reading:
-    """One continuation of an FRF below its first line.
+    """One continuation of an FRF below its first line."""
 
-    Fields
-    ------
-    n_integrators, sign : int
-        Number of integrators, and sign of the gain at zero frequency without the integrators.
-    omega : (P,) ndarray
-        Frequencies below the first line [rad/s].
-    G : (P,) complex ndarray
-        Response there.
-    """
-
+    # n_integrators, sign: number of integrators, and sign of the gain at zero frequency without the integrators
     n_integrators: int
     sign: int
-    omega: np.ndarray
-    G: np.ndarray
+    omega: np.ndarray  # (P,) frequencies below the first line [rad/s]
+    G: np.ndarray  # (P,) complex response there
 
     def __str__(self) -> str:
         count = f"{self.n_integrators or 'no'} integrator{'s' * (self.n_integrators != 1)}"

@@ -270,7 +270,7 @@ def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[compl
 
 
 def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
-    """Return one section with one or two poles and at most as many zeros, with leading coefficients of one."""
+    """Return one section with one or two poles and at most as many zeros, with leading coefficients equal to one."""
     if len(poles) == 1:
         p = poles[0].real
         if not zeros:

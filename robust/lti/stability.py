@@ -19,29 +19,16 @@ from robust.lti.norms import EPS, crossings
 
 @value(in_sentences=True)
 class StabilityResult:
-    """Stability of a system, and the pole that decides it; its text is for people.
-
-    Fields
-    ------
-    state : Stability
-    pole : complex
-        The pole nearest to the stability boundary, or farthest beyond it; nan if none is named.
-    of_loop : bool
-        True for a pole of the nominal loop; the text then names the loop.
-    without_delay : bool
-        True for a pole of the loop without its delay.
-    at_boundary : bool
-        True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to decide.
-    n_unstable : float
-        Number of unstable poles of a loop with its delay, if they were counted; else nan.
-    """
+    """Stability of a system, and the pole that decides it; its text is for people."""
 
     state: Stability
+    # complex the pole nearest to the stability boundary, or farthest beyond it; nan if none is named
     pole: complex = complex(np.nan, np.nan)
-    of_loop: bool = False
-    without_delay: bool = False
+    of_loop: bool = False  # True for a pole of the nominal loop; the text then names the loop
+    without_delay: bool = False  # True for a pole of the loop without its delay
+    # True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to decide
     at_boundary: bool = False
-    n_unstable: float = np.nan
+    n_unstable: float = np.nan  # number of unstable poles of a loop with its delay, if they were counted; else nan
 
     @property
     def stable(self) -> bool:

@@ -100,7 +100,7 @@ class Validation:
     >>> seen.n_outside, seen.n_lines == ms.f.size, seen.p_value
     (0, True, 1.0)
 
-    Two records of several channels:
+    Two records with several channels:
 
     >>> import nlfrf, robust
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
@@ -367,7 +367,7 @@ def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
 def _compare_records(
     model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float
 ) -> Validation:
-    """Compare two records of one channel on the same lines."""
+    """Compare two records with one channel on the same lines."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > _f_quantile(p, LEVEL_DOF) * variance
@@ -389,7 +389,7 @@ def _compare_records(
 
 
 def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
-    """Compare two records of several channels on the same lines."""
+    """Compare two records with several channels on the same lines."""
     omega, d = second.omega, second.G - first.G
     n_y, n_u = d.shape[1:]
     gamma, later_gamma, dof, later_dof = first.gamma, second.gamma, first.dof, second.dof

@@ -18,26 +18,18 @@ KINDS = ("full", "repeated", "real")
 
 @value(copy=False)
 class BlockStructure:
-    """Blocks of a perturbation along the diagonal.
+    """Blocks of a perturbation along the diagonal."""
 
-    Fields
-    ------
-    kinds : tuple of str
-        "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real one).
-    rows, cols : tuple of slice
-        Outputs of N that each block reads, and inputs of N that it drives.
-    left, right : (K, ., .) ndarray
-        Basis of the Hermitian scalings that commute with the blocks, on the outputs and the inputs of N.
-    skew : (L, n_cols, n_rows) ndarray
-        Basis of the Hermitian G for the real blocks.
-    """
-
+    # "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real one)
     kinds: tuple[str, ...]
+    # rows, cols: outputs of N that each block reads, and inputs of N that it drives
     rows: tuple[slice, ...]
     cols: tuple[slice, ...]
+    # left, right: (K, ., .) basis of the Hermitian scalings that commute with the blocks, on the outputs and the inputs
+    # of N
     left: np.ndarray
     right: np.ndarray
-    skew: np.ndarray
+    skew: np.ndarray  # (L, n_cols, n_rows) basis of the Hermitian G for the real blocks
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -33,49 +33,27 @@ _SINGULAR = 1e-6  # least singular value of the loop at the boundary, relative t
 
 @value
 class Crossing:
-    """A perturbation that brings a pole to the stability boundary.
+    """A perturbation that brings a pole to the stability boundary."""
 
-    Fields
-    ------
-    size : float
-        Largest singular value of the blocks that grow.
-    delta : (n_in, n_out) ndarray
-        The perturbation.
-    omega : float
-        Frequency of the pole that crosses [rad/s].
-    """
-
-    size: float
-    delta: np.ndarray
-    omega: float
+    size: float  # largest singular value of the blocks that grow
+    delta: np.ndarray  # (n_in, n_out) the perturbation
+    omega: float  # frequency of the pole that crosses [rad/s]
 
 
 @value(copy=False)
 class PerturbedLoop:
-    """A system as a function of the perturbations that close it: (K, n_in, n_out), of size one.
+    """A system as a function of the perturbations that close it: (K, n_in, n_out), of size one."""
 
-    Fields
-    ------
-    A, B, C, D : ndarray
-        The system.
-    s : BlockStructure
-        The blocks.
-    growing : (n_in, n_out) bool ndarray
-        Entries of the blocks whose size is searched; the other blocks have size at most one.
-    dt : float
-        Sampling time [s], 0 for continuous.
-    n_unstable : int
-        Number of poles beyond the stability boundary without a perturbation.
-    """
-
+    # A, B, C, D: the system
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    s: BlockStructure
+    s: BlockStructure  # the blocks
+    # (n_in, n_out) entries of the blocks whose size is searched; the other blocks have size at most one
     growing: np.ndarray
-    dt: float
-    n_unstable: int
+    dt: float  # sampling time [s], 0 for continuous
+    n_unstable: int  # number of poles beyond the stability boundary without a perturbation
 
     @classmethod
     def of(cls, N: control.StateSpace, s: BlockStructure, growing: np.ndarray) -> PerturbedLoop:

@@ -111,7 +111,7 @@ def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.
 
 
 def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) the size of the performance with the least level for scalings of one, and that level.
+    """Return (W,) the size of the performance with the least level for unit scalings, and that level.
 
     The smallest size tried uses half of the slack of the loop of the blocks, so that it proves a level.
     """

@@ -118,24 +118,12 @@ class _Frozen:
 
 @value(copy=False)
 class _IntervalSearch:
-    """A stable system at level one in continuous time, with the search for the proofs of its intervals.
+    """A stable system at level one in continuous time, with the search for the proofs of its intervals."""
 
-    Fields
-    ------
-    search : ScalingSearch
-        The system in balanced channels and good coordinates.
-    claim : IntervalClaim
-        The claim, with a piece that proves nothing.
-    loop : ExactLoop
-        Exact test of a piece.
-    poles : ndarray
-        Poles of the system.
-    """
-
-    search: ScalingSearch
-    claim: IntervalClaim
-    loop: ExactLoop
-    poles: np.ndarray
+    search: ScalingSearch  # the system in balanced channels and good coordinates
+    claim: IntervalClaim  # the claim, with a piece that proves nothing
+    loop: ExactLoop  # exact test of a piece
+    poles: np.ndarray  # poles of the system
 
     @classmethod
     def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> _IntervalSearch:

@@ -37,17 +37,10 @@ _EIGENVALUE_TURNS = 2.0  # least penalty of an imaginary part
 
 @value(copy=False)
 class _Mode:
-    """An eigenvalue of N Delta for every matrix.
+    """An eigenvalue of N Delta for every matrix."""
 
-    Fields
-    ------
-    value : (W,) ndarray
-        The eigenvalue lambda.
-    drive, right : (W, n_in), (W, n_out) ndarray
-        l* N and r of its eigenvectors, l* r = 1: it changes by drive d(Delta) right.
-    """
-
-    value: np.ndarray
+    value: np.ndarray  # (W,) the eigenvalue lambda
+    # drive, right: (W, n_in) or (W, n_out) l* N and r of its eigenvectors, l* r = 1: it changes by drive d(Delta) right
     drive: np.ndarray
     right: np.ndarray
 

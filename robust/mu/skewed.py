@@ -43,45 +43,24 @@ _WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
 
 @value(copy=False)
 class SkewedMargin:
-    """A loop, its counter-example, and the boxes that are proved at a level.
-
-    Fields
-    ------
-    N : control.StateSpace
-    blocks : list
-    s : BlockStructure
-    growing : (K,) bool ndarray
-        Blocks whose size is searched.
-    n_unstable : int
-        Number of unstable poles of N.
-    left : int
-        Number of parts of the box that may still be examined.
-    level : float
-        Size of the growing blocks that is proved for the boxes; 0 if none is.
-    broken, delta, omega : float, (n_in, n_out) ndarray, float
-        Least size found at which a perturbation makes the loop unstable (inf: none), the perturbation, and where
-        [rad/s].
-    boxes : list of (middle, half) of (K,) ndarray
-        Boxes to examine, or proved boxes; complex blocks stay whole.
-    certificates : tuple
-        Certificates of the proved boxes.
-    reason : str
-        Reason why level and broken are not closer; empty if they are within the gap.
-    """
+    """A loop, its counter-example, and the boxes that are proved at a level."""
 
     N: control.StateSpace
     blocks: Blocks
     s: BlockStructure
-    growing: np.ndarray
-    n_unstable: int
-    left: int
-    level: float
+    growing: np.ndarray  # (K,) blocks whose size is searched
+    n_unstable: int  # number of unstable poles of N
+    left: int  # number of parts of the box that may still be examined
+    level: float  # size of the growing blocks that is proved for the boxes; 0 if none is
+    # broken, delta, omega: (n_in, n_out) least size found at which a perturbation makes the loop unstable (inf: none),
+    # the perturbation, and where [rad/s]
     broken: float
     delta: np.ndarray
     omega: float
+    # (middle, half) or (K,) boxes to examine, or proved boxes; complex blocks stay whole
     boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
-    certificates: tuple[Certificate, ...] = ()
-    reason: str = ""
+    certificates: tuple[Certificate, ...] = ()  # certificates of the proved boxes
+    reason: str = ""  # reason why level and broken are not closer; empty if they are within the gap
 
     def sizes(self, level: float) -> np.ndarray:
         """Return (n_out,) the size of the block that reads each output of N, at a level."""

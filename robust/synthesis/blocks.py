@@ -58,22 +58,15 @@ _TWO_PI = 2 * np.pi
 
 @value
 class Parameter:
-    """One free number of a block.
+    """One free number of a block."""
 
-    Fields
-    ------
-    name, index : str, tuple of int
-        Field of the block, and index in it if that is a matrix.
-    start, lower, upper : float
-    sign : int
-        1 or -1: the parameter keeps this sign, and its logarithm is searched for. 0: any sign.
-    """
-
+    # name, index: field of the block, and index in it if that is a matrix
     name: str
     index: tuple[int, ...]
     start: float
     lower: float
     upper: float
+    # 1 or -1: the parameter keeps this sign, and its logarithm is searched for. 0: any sign.
     sign: int
 
     @property

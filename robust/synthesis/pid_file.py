@@ -35,27 +35,13 @@ _LEAST_FILTER = 0.5  # samples: with a shorter filter a sampled derivative rings
 
 @value
 class _PidSettings:
-    """A PID and its filters in series, as they run.
+    """A PID and its filters in series, as they run."""
 
-    Fields
-    ------
-    pid : Pid
-        Gains of the parallel form.
-    filters : tuple of Filter
-        The filters, each with its own frequency.
-    dt : float
-        Sampling time [s]; 0 for a continuous controller.
-    delay : float or None
-        Computation delay [s]; None if the file has none.
-    unit : str
-        Unit of Kp, u over y; empty if the file has none.
-    """
-
-    pid: Pid
-    filters: tuple[Filter, ...]
-    dt: float
-    delay: float | None
-    unit: str
+    pid: Pid  # gains of the parallel form
+    filters: tuple[Filter, ...]  # the filters, each with its own frequency
+    dt: float  # sampling time [s]; 0 for a continuous controller
+    delay: float | None  # computation delay [s]; None if the file has none
+    unit: str  # unit of Kp, u over y; empty if the file has none
 
     @property
     def K(self) -> control.StateSpace:

@@ -47,27 +47,13 @@ class _Cutting:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout(_Cutting):
-    """The cutting of the lines, and the text above and among the numbers.
+    """The cutting of the lines, and the text above and among the numbers."""
 
-    Fields
-    ------
-    n_header_lines : int
-        Lines of the file before the numbers.
-    header : tuple of str
-        These lines, and text left of the first rows of numbers, as a preamble.
-    moments : tuple of bool
-        True for a column of dates or times of day.
-    has_padding : bool
-        True if there are blanks next to the separators.
-    comment : str, optional
-        Mark of comments among the numbers.
-    """
-
-    n_header_lines: int
-    header: tuple[str, ...]
-    moments: tuple[bool, ...]
-    has_padding: bool
-    comment: str | None
+    n_header_lines: int  # lines of the file before the numbers
+    header: tuple[str, ...]  # these lines, and text left of the first rows of numbers, as a preamble
+    moments: tuple[bool, ...]  # True for a column of dates or times of day
+    has_padding: bool  # True if there are blanks next to the separators
+    comment: str | None  # mark of comments among the numbers
 
 
 def decode_text(content: bytes) -> str:

@@ -50,33 +50,16 @@ _WINDOW_ORDER = 7  # order of the polynomials for the window between two samples
 
 @value
 class PeriodAlignment:
-    """Place of each period of a stream.
+    """Place of each period of a stream."""
 
-    Fields
-    ------
-    n_samples : int
-        The period that was assumed [samples].
-    delay : (P,) ndarray
-        Delay of each period against j n_samples, zero for the first one that is not empty [samples].
-    sound : (P,) bool ndarray
-        Periods that repeat the others up to this delay, without a gap inside.
-    gaps : (P,) ndarray
-        Samples lost (negative) or repeated inside each period.
-    noise : float
-        Standard deviation of the delays by noise [samples].
-    misplaced : float
-        Share of the input's power that the delays turn into apparent distortion.
-    unexplained : float
-        Share of the power of a typical period that does not repeat the first one at any delay.
-    """
-
-    n_samples: int
+    n_samples: int  # the period that was assumed [samples]
+    # (P,) delay of each period against j n_samples, zero for the first one that is not empty [samples]
     delay: np.ndarray
-    sound: np.ndarray
-    gaps: np.ndarray
-    noise: float
-    misplaced: float
-    unexplained: float
+    sound: np.ndarray  # (P,) periods that repeat the others up to this delay, without a gap inside
+    gaps: np.ndarray  # (P,) samples lost (negative) or repeated inside each period
+    noise: float  # standard deviation of the delays by noise [samples]
+    misplaced: float  # share of the input's power that the delays turn into apparent distortion
+    unexplained: float  # share of the power of a typical period that does not repeat the first one at any delay
 
     @property
     def jumps(self) -> np.ndarray:
@@ -108,7 +91,7 @@ class PeriodAlignment:
 
     @property
     def is_whole(self) -> bool:
-        """Whether this period is a whole number of samples, within noise."""
+        """True if this period is a whole number of samples, within noise."""
         return abs(self.period - round(self.period)) < max(0.002, 3 * self.noise)
 
     @property
@@ -118,7 +101,7 @@ class PeriodAlignment:
 
     @property
     def drifts(self) -> bool:
-        """Whether the delays without jumps leave a straight line."""
+        """True if the delays without jumps leave a straight line."""
         return self.bend > max(0.02, 5 * self.noise)
 
     @property

@@ -141,52 +141,24 @@ _OPPOSITE_CORRELATION = 0.9  # correlation of two periods beyond which one is th
 
 @value(copy=False)
 class _OutputAlignment:
-    """Alignment of an output with the input, period by period.
+    """Alignment of an output with the input, period by period."""
 
-    Fields
-    ------
-    n_samples : int
-        Samples in one period.
-    delay : (P,) ndarray
-        Delay of y minus that of u in each period, zero for the first sound period [samples].
-    jumps : (P,) ndarray
-        Whole samples of this delay, caused by samples of y that were lost (negative) or repeated.
-    sound : (P,) bool ndarray
-        Periods that repeat the others up to a delay and a gain, without a gap inside.
-    corrupted : (P,) bool ndarray
-        Periods of which a part is shifted against the others.
-    noise : float
-        Standard deviation of the delays by noise [samples].
-    misplaced : float
-        Share of the power of y that the delays turn into apparent distortion.
-    explained : float
-        Share of the nonrepeating power that the delays explain.
-    gain : (P,) ndarray
-        Gain of each period over that of the last one.
-    gain_noise : float
-        Standard deviation of `gain` by noise.
-    offset : (P,) ndarray
-        Mean of y over each period, in rms of y about its mean.
-    n_unsettled : int
-        Periods at the start that differ from the others, but not by a transient; they are left out.
-    """
-
-    n_samples: int
-    delay: np.ndarray
-    jumps: np.ndarray
-    sound: np.ndarray
-    corrupted: np.ndarray
-    noise: float
-    misplaced: float
-    explained: float
-    gain: np.ndarray
-    gain_noise: float
-    offset: np.ndarray
-    n_unsettled: int = 0
+    n_samples: int  # samples in one period
+    delay: np.ndarray  # (P,) delay of y minus that of u in each period, zero for the first sound period [samples]
+    jumps: np.ndarray  # (P,) whole samples of this delay, caused by samples of y that were lost (negative) or repeated
+    sound: np.ndarray  # (P,) periods that repeat the others up to a delay and a gain, without a gap inside
+    corrupted: np.ndarray  # (P,) periods of which a part is shifted against the others
+    noise: float  # standard deviation of the delays by noise [samples]
+    misplaced: float  # share of the power of y that the delays turn into apparent distortion
+    explained: float  # share of the nonrepeating power that the delays explain
+    gain: np.ndarray  # (P,) gain of each period over that of the last one
+    gain_noise: float  # standard deviation of `gain` by noise
+    offset: np.ndarray  # (P,) mean of y over each period, in rms of y about its mean
+    n_unsettled: int = 0  # periods at the start that differ from the others, but not by a transient; they are left out
 
     @property
     def broken(self) -> bool:
-        """Whether a period behind the first sound one does not repeat the others, or y has a gap before it.
+        """True if a period after the first valid one does not repeat the others, or y has a gap before it.
 
         Periods before the first sound one may be in transient. Behind a gap all sound periods are shifted against the
         input; a corrupted period is shifted in part.
@@ -231,7 +203,7 @@ class _OutputAlignment:
 
     @property
     def outweighs_noise(self) -> bool:
-        """Whether the power misplaced by the delays exceeds the noise in the mean of the periods."""
+        """True if the power misplaced by the delays exceeds the noise in the mean of the periods."""
         return bool(self.explained * np.count_nonzero(self.sound) > 1 - self.explained)
 
     @property
@@ -241,7 +213,7 @@ class _OutputAlignment:
 
     @property
     def severe(self) -> bool:
-        """Whether the fault would count as distortion, above the noise."""
+        """True if the fault would count as distortion, above the noise."""
         return (
             (self.misplaced > SEVERE_POWER and self.explained > _MIN_EXPLAINED) or self.broken or bool(self.turns.any())
         )

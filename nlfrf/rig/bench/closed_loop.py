@@ -235,22 +235,13 @@ Result = TypeVar("Result")
 
 @value(copy=False)
 class _LoopRuns:
-    """Runs of sampled loops around one rig.
-
-    Fields
-    ------
-    rig : Rig
-    fs : float
-    steps : int
-        Integration steps per sample.
-    rows : dict of str to ndarray
-        One row per run, or one for all: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance,
-        noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
-    """
+    """Runs of sampled loops around one rig."""
 
     rig: Rig
     fs: float
-    steps: int
+    steps: int  # integration steps per sample
+    # one row per run, or one for all: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance,
+    # noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity
     rows: dict[str, np.ndarray]
 
     @property

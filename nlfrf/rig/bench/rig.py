@@ -162,7 +162,7 @@ class Rig:
 
     @property
     def several(self) -> bool:
-        """Whether the rig is given by matrices, so that signals have an axis of channels."""
+        """True if the rig is given by matrices, so that signals have an axis of channels."""
         return np.ndim(self.mass) > 0
 
     @property

@@ -158,7 +158,7 @@ class ServoAxis:
 
     @property
     def two(self) -> bool:
-        """Whether motor and load are two masses."""
+        """True if motor and load are two masses."""
         return self.load_inertia > 0
 
     @cached_property

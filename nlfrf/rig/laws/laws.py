@@ -101,7 +101,7 @@ class OwnFriction:
 
     @property
     def compiled(self) -> bool:
-        """Whether numba has compiled the functions."""
+        """True if numba has compiled the functions."""
         from nlfrf.rig.kernels.loops import compile_user_law
 
         return compile_user_law(self.derivative, self.force, self.rest.size)[1]

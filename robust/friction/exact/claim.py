@@ -17,75 +17,46 @@ _KINDS = ("Maxwell slip", "bristle")
 
 @value
 class Actuator:
-    """An actuator that delivers u = sat(command), and the numbers that prove rest in spite of it.
+    """An actuator that delivers u = sat(command), and the numbers that prove rest in spite of it."""
 
-    Fields
-    ------
-    limit, Fs : float
-        Largest force of the actuator and of the friction [N].
-    kick : float
-        Initial velocity at the friction port [m/s], at rest and relaxed, up to which the claim holds. It has no meaning
-        for a share of one: the claim then holds from every state.
-    share : float
-        Sector gain: w (share c'y - w) >= 0 for the deficit w = command - u and the command c'y, if c'y is small enough.
-    sector : float
-        Weight of this inequality.
-    forgets, weights : (J,) ndarray
-        Filters of the delivered force, as a share of each sample or a rate [1/s], and their weights.
-    """
-
+    # limit, Fs: largest force of the actuator and of the friction [N]
     limit: float
     Fs: float
+    # initial velocity at the friction port [m/s], at rest and relaxed, up to which the claim holds. It has no meaning
+    # for a share of one: the claim then holds from every state.
     kick: float
+    # sector gain: w (share c'y - w) >= 0 for the deficit w = command - u and the command c'y, if c'y is small enough
     share: float
-    sector: float
+    sector: float  # weight of this inequality
+    # forgets, weights: (J,) filters of the delivered force, as a share of each sample or a rate [1/s], and their
+    # weights
     forgets: np.ndarray
     weights: np.ndarray
 
 
 @value
 class Settling:
-    """A bound of the distance from rest under friction with stiction, and the rate of decay that proves it.
+    """A bound of the distance from rest under friction with stiction, and the rate of decay that proves it."""
 
-    Fields
-    ------
-    decay : float
-        lambda [1/s] in V' + 2 lambda V <= r^2.
-    Fs : float
-        Largest friction force [N].
-    error : float
-        Bound of the displacement at every port in the end [m].
-    other_Fs : (P - 1,) ndarray
-        Largest friction force at the ports after the first [N].
-    rest_weights : (P,) ndarray
-        w_p in V' + 2 lambda V <= sum w_p r_p^2; the rests are relative to the largest of them.
-    """
-
-    decay: float
-    Fs: float
-    error: float
+    decay: float  # lambda [1/s] in V' + 2 lambda V <= r^2
+    Fs: float  # largest friction force [N]
+    error: float  # bound of the displacement at every port in the end [m]
+    # (P - 1,) largest friction force at the ports after the first [N]
     other_Fs: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    # (P,) w_p in V' + 2 lambda V <= sum w_p r_p^2; the rests are relative to the largest of them
     rest_weights: np.ndarray = field(default_factory=lambda: np.ones(1))
 
 
 @value
 class PortClass:
-    """The class of the friction at one port, and the weights of its filters.
+    """The class of the friction at one port, and the weights of its filters."""
 
-    Fields
-    ------
-    K0, stiction, bristle_time : float
-        Limits of the class [N/m], [-], [s].
-    free : float
-        Weight of the friction itself.
-    rates, weights : (J,) ndarray
-        Rates of the filters [rad/s], the reference first, and their weights.
-    """
-
+    # K0, stiction, bristle_time: limits of the class [N/m], [-], [s]
     K0: float
     stiction: float
     bristle_time: float
-    free: float
+    free: float  # weight of the friction itself
+    # rates, weights: (J,) rates of the filters [rad/s], the reference first, and their weights
     rates: np.ndarray
     weights: np.ndarray
 

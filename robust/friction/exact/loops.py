@@ -18,14 +18,7 @@ Rows: TypeAlias = list[Sequence[fmpq | int]]
 
 @value(copy=False)
 class ExactLoop:
-    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at each port.
-
-    Fields
-    ------
-    F, B, x, v : fmpq_mat
-    spans : list of fmpq
-    jumps : list of fmpq_mat
-    """
+    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at each port."""
 
     F: fmpq_mat
     B: fmpq_mat
@@ -123,15 +116,9 @@ def equilibrium(loop: ExactLoop) -> fmpq_mat:
 
 @value(copy=False)
 class ExactBlock:
-    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2.
+    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2."""
 
-    Fields
-    ------
-    input_column, output_row : fmpq_mat
-        Both as columns.
-    weight : fmpq
-    """
-
+    # input_column, output_row: both as columns
     input_column: fmpq_mat
     output_row: fmpq_mat
     weight: fmpq

@@ -38,15 +38,7 @@ from robust.proofs.exact.verification import Verification
 
 @value(copy=False)
 class _ExactSupply:
-    """A flow z' = A z + B d with jumps, its supply, and the rest of the stored energy, as matrices of rationals.
-
-    Fields
-    ------
-    A, B, Q, N, R, stored : fmpq_mat
-    jumps : list of fmpq_mat
-    block : ExactBlock or None
-        Nonlinearity at the first jump.
-    """
+    """A flow z' = A z + B d with jumps, its supply, and the rest of the stored energy, as matrices of rationals."""
 
     A: fmpq_mat
     B: fmpq_mat
@@ -55,7 +47,7 @@ class _ExactSupply:
     R: fmpq_mat
     stored: fmpq_mat
     jumps: list[fmpq_mat]
-    block: ExactBlock | None = None
+    block: ExactBlock | None = None  # nonlinearity at the first jump
 
 
 def _check_weights(claim: FrictionClaim) -> str:

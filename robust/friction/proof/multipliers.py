@@ -26,27 +26,19 @@ if TYPE_CHECKING:
 
 @value(copy=False)
 class Multipliers:
-    """Weights of the filters of a friction class, and the block of bristles.
+    """Weights of the filters of a friction class, and the block of bristles."""
 
-    Fields
-    ------
-    rates, weights : (J,) ndarray
-        Rates [rad/s] of the filters, the reference first, and their weights mu_j.
-    free : float
-        Weight of f v.
-    block, bounds : (3, 3), (2,) ndarray
-        For bristles, see `FrictionClaim`; empty for Maxwell slip.
-    """
-
+    # rates, weights: (J,) rates [rad/s] of the filters, the reference first, and their weights mu_j
     rates: np.ndarray
     weights: np.ndarray
-    free: float
+    free: float  # weight of f v
+    # block, bounds: (3, 3) or (2,) for bristles, see `FrictionClaim`; empty for Maxwell slip
     block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def used_multipliers(rates: np.ndarray, mu: np.ndarray) -> Multipliers:
-    """Return the multipliers of one port without the filters of zero weight; the first filter, the reference, stays.
+    """Return the multipliers for one port without the filters of zero weight; the first filter, the reference, stays.
 
     mu : (1 + J,) weight of f v, then one a rate.
     """

@@ -21,7 +21,7 @@ _MIN_SHARE = 1e-9  # share of a row that must remain
 def friction_of_ports(
     machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts | Sequence[AnyFriction]
 ) -> AnyFriction | FrictionAtPorts:
-    """Return the class of one port, or of several ports together; refuse a number that differs from the ports."""
+    """Return the class for one port, or for several ports together; refuse a number that differs from the ports."""
     given = friction.ports if isinstance(friction, FrictionAtPorts) else friction
     given = tuple(given) if isinstance(given, Sequence) else (given,)
     for one in given:

@@ -82,24 +82,13 @@ def _velocity_within_reach(machine: FrictionPlant, cut: _LureLoop, *, energy: Ju
 
 @value
 class _LureLoop:
-    """A sliding loop opened at its actuator (a Lur'e system), with the filters of the delivered force.
+    """A sliding loop opened at its actuator (a Lur'e system), with the filters of the delivered force."""
 
-    Fields
-    ------
-    loop : FrictionLoop
-        The filters are its last states.
-    command_row : (n,) ndarray
-        Commanded force, as a row on the state before a sample.
-    input_column : (n,) ndarray
-        Column through which the saturation deficit enters with a minus sign: at a sample, or in the flow.
-    forgets : (J,) ndarray
-        Rates phi_j of the filters: a share of each sample, or [1/s].
-    """
-
-    loop: FrictionLoop
-    command_row: np.ndarray
+    loop: FrictionLoop  # the filters are its last states
+    command_row: np.ndarray  # (n,) commanded force, as a row on the state before a sample
+    # (n,) column through which the saturation deficit enters with a minus sign: at a sample, or in the flow
     input_column: np.ndarray
-    forgets: np.ndarray
+    forgets: np.ndarray  # (J,) rates phi_j of the filters: a share of each sample, or [1/s]
 
     def open_growth(self) -> float:
         """Return the growth of the loop with its actuator off, which delivers nothing; negative for a stable loop."""
@@ -230,18 +219,10 @@ _MAX_FAILURES = 2  # in a row, after which larger sector gains are not tried
 
 @value(copy=False)
 class _RegionOfAttraction:
-    """A proved initial velocity, and the numbers of its proof.
-
-    Fields
-    ------
-    actuator : Actuator
-    numbers : Multipliers
-        Weights of the friction.
-    energy : JudgedStorage
-    """
+    """A proved initial velocity, and the numbers of its proof."""
 
     actuator: Actuator
-    numbers: Multipliers
+    numbers: Multipliers  # weights of the friction
     energy: JudgedStorage
 
 

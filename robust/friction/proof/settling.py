@@ -43,32 +43,18 @@ _ROUNDED_UP = 1 + 1e-6
 
 @value(copy=False)
 class SettlingNumbers:
-    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate of decay.
+    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate of decay."""
 
-    Fields
-    ------
-    rates : (J,) ndarray
-        Rates of the filters [rad/s], the reference first.
-    weights : (P, J) ndarray
-        Weights mu_j of each port.
-    rest_weights : (P,) ndarray
-        Weights w_p of the rests.
-    decay : float
-        Rate lambda [1/s].
-    V, P, counts : (n, n), (I, 4, n, n), (S,) ndarray
-        Coordinates, Bernstein coefficients of the storage, number of intervals in each span.
-    reach : (P,) ndarray
-        Largest displacement at each port [m] for a largest rest of 1 N, without the rest position.
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
-    rest_weights: np.ndarray
-    decay: float
+    rates: np.ndarray  # (J,) rates of the filters [rad/s], the reference first
+    weights: np.ndarray  # (P, J) weights mu_j of each port
+    rest_weights: np.ndarray  # (P,) weights w_p of the rests
+    decay: float  # rate lambda [1/s]
+    # V, P, counts: (n, n) or (I, 4, n, n) or (S,) coordinates, Bernstein coefficients of the storage, number of
+    # intervals in each span
     V: np.ndarray
     P: np.ndarray
     counts: np.ndarray
-    reach: np.ndarray
+    reach: np.ndarray  # (P,) largest displacement at each port [m] for a largest rest of 1 N, without the rest position
 
 
 def largest_rest(Fs: float, stiction: float) -> float:

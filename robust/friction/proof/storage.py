@@ -31,38 +31,20 @@ class Block:
 
 @value
 class Dissipation:
-    """A flow with jumps, its supply rate, and the part of the stored energy beyond z'Pz.
+    """A flow with jumps, its supply rate, and the part of the stored energy beyond z'Pz."""
 
-    Fields
-    ------
-    A : (n, n) ndarray
-    B : (n, m) ndarray
-        Flow z' = A z + B d.
-    spans : (S,) ndarray
-    jumps : (S, n, n) ndarray
-        Duration of each flow [s], and the jump before it; none for a continuous loop.
-    Q, N, R : (n, n), (n, m), (m, m) ndarray
-        Supply rate z'Qz + 2 z'Nd + d'Rd: `stored` does not rise faster.
-    stored : (n + E, n + E) ndarray
-        The rest of the stored energy: a form in z and E more states (forces that rest).
-    B_error : (n, m) ndarray
-    stored_error : (n + E, n + E) ndarray
-        Error bound of each entry: the rest xi_e is known to rounding only.
-    block : Block or None
-        Nonlinearity at the first jump.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    spans: np.ndarray
-    jumps: np.ndarray
+    A: np.ndarray  # (n, n)
+    B: np.ndarray  # (n, m) flow z' = A z + B d
+    spans: np.ndarray  # (S,)
+    jumps: np.ndarray  # (S, n, n) duration of each flow [s], and the jump before it; none for a continuous loop
+    # Q, N, R: (n, n) or (n, m) or (m, m) supply rate z'Qz + 2 z'Nd + d'Rd: `stored` does not rise faster
     Q: np.ndarray
     N: np.ndarray
     R: np.ndarray
-    stored: np.ndarray
-    B_error: np.ndarray
-    stored_error: np.ndarray
-    block: Block | None = None
+    stored: np.ndarray  # (n + E, n + E) the rest of the stored energy: a form in z and E more states (forces that rest)
+    B_error: np.ndarray  # (n, m)
+    stored_error: np.ndarray  # (n + E, n + E) error bound of each entry: the rest xi_e is known to rounding only
+    block: Block | None = None  # nonlinearity at the first jump
 
 
 # ---- A storage function z'P(t)z for a flow with jumps: the stabilising solution of a periodic Riccati equation.
@@ -219,43 +201,24 @@ _EPS = np.finfo(float).eps
 
 @value(copy=False)
 class _BoundedForm:
-    """A dissipation inequality in coordinates z = V z~, with an error bound for each entry of its matrices.
+    """A dissipation inequality in coordinates z = V z~, with an error bound for each entry of its matrices."""
 
-    Fields
-    ------
-    form : Dissipation
-        The inequality in those coordinates; the inputs are scaled so that the diagonal of R is minus one.
-    off : Dissipation
-        Error bound of each entry.
-    V : (n, n) ndarray
-        The coordinates.
-    """
-
+    # the inequality in those coordinates; the inputs are scaled so that the diagonal of R is minus one
     form: Dissipation
-    off: Dissipation
-    V: np.ndarray
+    off: Dissipation  # error bound of each entry
+    V: np.ndarray  # (n, n) the coordinates
 
 
 @value(copy=False)
 class JudgedStorage:
-    """A storage function z'P(t)z in coordinates z = V z~, which is judged or to be judged.
+    """A storage function z'P(t)z in coordinates z = V z~, which is judged or to be judged."""
 
-    Fields
-    ------
-    V : (n, n) ndarray
-    P : (I, 4, n, n) ndarray
-        Bernstein coefficients on each interval; neighbours in one span share their end. (1, 1, n, n) for a continuous
-        loop.
-    counts : (S,) integer ndarray
-        Number of intervals of equal length in each span.
-    stored : (n + E, n + E) ndarray
-        The rest of the stored energy in these coordinates.
-    """
-
-    V: np.ndarray
+    V: np.ndarray  # (n, n)
+    # (I, 4, n, n) bernstein coefficients on each interval; neighbours in one span share their end. (1, 1, n, n) for a
+    # continuous loop.
     P: np.ndarray
-    counts: np.ndarray
-    stored: np.ndarray
+    counts: np.ndarray  # (S,) number of intervals of equal length in each span
+    stored: np.ndarray  # (n + E, n + E) the rest of the stored energy in these coordinates
 
 
 def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:

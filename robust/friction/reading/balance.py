@@ -767,7 +767,7 @@ def search(
 
     A candidate that leaves more than `REFUTED` is returned as it is: no start leaves much less of another friction law.
 
-    held : known numbers of two masses, which are constant until friction is found.
+    held : known numbers for two masses, which are constant until friction is found.
     """
     if starts[0].terms.load:
         first = _try_start(levels, starts[0], span, held)[1]

@@ -88,62 +88,40 @@ _RIGID = 0.45
 
 @value
 class _CoupledLoad:
-    """A load behind the spring of a motor, with its share of the friction.
+    """A load behind the spring of a motor, with its share of the friction."""
 
-    Fields
-    ------
-    mass, stiffness, damping : float
-        Mass [kg], spring [N/m] and damper [Ns/m] between motor and load.
-    share : float
-        Share of the friction that acts on the load; nan if it is unknown.
-    """
-
+    # mass, stiffness, damping: mass [kg], spring [N/m] and damper [Ns/m] between motor and load
     mass: float
     stiffness: float
     damping: float
-    share: float
+    share: float  # share of the friction that acts on the load; nan if it is unknown
 
 
 @value
 class FrictionForce:
     """Mass and friction force of an axis from records in motion and at rest, without a friction law.
 
-    Fields
-    ------
-    sliding : SlidingFit
-        Mass, viscous and Coulomb friction, delay with lag.
-    Fs : (2,) ndarray
-        Interval of the break-away force [N], found by trial to hold in 95 %; nan if the levels do not show it.
-    K0 : (2,) ndarray
-        Interval of the presliding stiffness [N/m]; nan if the encoder resolves no motion before break-away.
-    bristle_time : float
-        Largest damping over stiffness while friction sticks [s]; creep looks like damping too. nan as for K0.
-    creeps : bool
-        True if friction has damping, or creeps, while it sticks. Maxwell slip does neither.
-    stribeck : (2,) ndarray
-        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan if the levels do not show it. Only the
-        lower end is nan if stiction has fallen before the axis slides.
-    reason : str
-        Reason why the break-away force is unknown; empty if it is known.
-    contradiction : str
-        Difference between the friction in motion and at rest, if there is one, and its meaning. `Fs` then covers both.
-    load : CoupledLoad or None
-        The load, if motor and load were identified separately in motion.
-
     References
     ----------
     F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
     """
 
-    sliding: SlidingFit
+    sliding: SlidingFit  # mass, viscous and Coulomb friction, delay with lag
+    # (2,) interval of the break-away force [N], found by trial to hold in 95 %; nan if the levels do not show it
     Fs: np.ndarray
+    # (2,) interval of the presliding stiffness [N/m]; nan if the encoder resolves no motion before break-away
     K0: np.ndarray
+    # largest damping over stiffness while friction sticks [s]; creep looks like damping too. nan as for K0.
     bristle_time: float
+    # True if friction has damping, or creeps, while it sticks. Maxwell slip does neither.
     creeps: bool
+    # (2,) interval of the velocity over which stiction falls [m/s] or [rad/s]; nan if the levels do not show it. Only
+    # the lower end is nan if stiction has fallen before the axis slides.
     stribeck: np.ndarray
-    reason: str = ""
+    reason: str = ""  # reason why the break-away force is unknown; empty if it is known
+    # difference between the friction in motion and at rest, if there is one, and its meaning. `Fs` then covers both.
     contradiction: str = ""
-    load: _CoupledLoad | None = None
+    load: _CoupledLoad | None = None  # the load, if motor and load were identified separately in motion
 
     @property
     def facts(self) -> list[Fact]:

@@ -47,73 +47,45 @@ _DELAY_STEPS = 8
 
 @value
 class _Reaction:
-    """Reaction at the friction port over the lines of a level.
+    """Reaction at the friction port over the lines of a level."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        [rad/s].
-    H, std : (W,) ndarray
-        Force over displacement [N/m], and its standard deviation, which includes the model error.
-    gain : (W,) ndarray
-        Change of H [N/m] if G changes by its own size.
-    delayed : callable
-        Function of tau [s]: H for a measured FRF with a delay shorter by tau, and its derivative by tau.
-    dof : (W,) ndarray
-        Complex degrees of freedom behind the variance of each line.
-    """
-
-    omega: np.ndarray
+    omega: np.ndarray  # (W,) [rad/s]
+    # H, std: (W,) force over displacement [N/m], and its standard deviation, which includes the model error
     H: np.ndarray
     std: np.ndarray
-    gain: np.ndarray
+    gain: np.ndarray  # (W,) change of H [N/m] if G changes by its own size
+    # function of tau [s]: H for a measured FRF with a delay shorter by tau, and its derivative by tau
     delayed: Callable[[float], tuple[np.ndarray, np.ndarray]]
-    dof: np.ndarray
+    dof: np.ndarray  # (W,) complex degrees of freedom behind the variance of each line
 
 
 @value
 class _LevelFit:
-    """Estimates from one level.
+    """Estimates from one level."""
 
-    Fields
-    ------
-    force : float
-        Rms of the force [N].
-    stiffness, stiffness_std : float
-        k_eq of the fit without the slipping element, and its standard deviation [N/m].
-    mass, mass_std : float
-        Mass [kg] from the fit with the slipping element, including that of the machine at its port.
-    slow : float
-        k [N/m] of the fit with the slipping element.
-    slow_low, slow_high : float
-        Its profile-likelihood interval of `SIGMAS` standard deviations [N/m].
-    misfit, misfit_limit : float
-        Mean square misfit over the variance of the lines with the slipping element, and its limit for a refusal.
-    slips_below : float
-        Lowest line [Hz] if the element slips more slowly than it, so that most of the element counts as k; else nan.
-    delay, delay_std : float
-        Delay [s] in the data beyond that of the model, and its standard deviation.
-    misfit_without_delay : float
-        Misfit after that delay is removed.
-    softening, softening_std : float
-        Coefficient of -w^4 [N s^4/m] in a fit with this term, and its standard deviation: a load on a spring with an
-        antiresonance w_a far above the band adds m_load/w_a^2 to it.
-    """
-
-    force: float
+    force: float  # rms of the force [N]
+    # stiffness, stiffness_std: k_eq of the fit without the slipping element, and its standard deviation [N/m]
     stiffness: float
     stiffness_std: float
+    # mass, mass_std: mass [kg] from the fit with the slipping element, including that of the machine at its port
     mass: float
     mass_std: float
-    slow: float
+    slow: float  # k [N/m] of the fit with the slipping element
+    # slow_low, slow_high: its profile-likelihood interval of `SIGMAS` standard deviations [N/m]
     slow_low: float
     slow_high: float
+    # misfit, misfit_limit: mean square misfit over the variance of the lines with the slipping element, and its limit
+    # for a refusal
     misfit: float
     misfit_limit: float
+    # lowest line [Hz] if the element slips more slowly than it, so that most of the element counts as k; else nan
     slips_below: float
+    # delay, delay_std: delay [s] in the data beyond that of the model, and its standard deviation
     delay: float
     delay_std: float
-    misfit_without_delay: float
+    misfit_without_delay: float  # misfit after that delay is removed
+    # softening, softening_std: coefficient of -w^4 [N s^4/m] in a fit with this term, and its standard deviation: a
+    # load on a spring with an antiresonance w_a far above the band adds m_load/w_a^2 to it
     softening: float
     softening_std: float
 
@@ -321,29 +293,17 @@ _STIFFNESS_AGREEMENT = 0.2
 
 @value
 class _Model:
-    """The machine around which the levels are fitted.
+    """The machine around which the levels are fitted."""
 
-    Fields
-    ------
-    machines : tuple of FrictionPlant
-        The machine with each damping of a proof; the levels are fitted around the last.
-    error : (L, W) list of ndarray
-        Standard deviation of its response at the lines of each level, relative to it.
-    least : float
-        Lowest stiffness that may be added to it [N/m].
-    name, order, cure : str
-        Phrases: the model, the model with its friction at one level, and advice for another model.
-    description : str
-        Phrase for the evidence.
-    """
-
+    # the machine with each damping of a proof; the levels are fitted around the last
     machines: tuple[FrictionPlant, ...]
-    error: list[np.ndarray]
-    least: float
+    error: list[np.ndarray]  # (L, W) standard deviation of its response at the lines of each level, relative to it
+    least: float  # lowest stiffness that may be added to it [N/m]
+    # name, order, cure: phrases: the model, the model with its friction at one level, and advice for another model
     name: str
     order: str
     cure: str
-    description: str
+    description: str  # phrase for the evidence
 
 
 def model_of(blas: list[Bla], nominal: object) -> _Model:

@@ -90,7 +90,7 @@ def linear_load(sliding: NumbersRead) -> _LinearLoad:
 
 
 def start_with_load(levels: list[Motion], *, spring: bool, machine: _LinearLoad | None = None) -> list[Candidate]:
-    """Return starting candidates of two masses, the likeliest first; the levels begin with the highest.
+    """Return starting candidates for two masses, the likeliest first; the levels begin with the highest.
 
     machine : estimate in motion; if it is None, it is fitted to the highest level.
     """

@@ -73,25 +73,14 @@ _DELAY_TOLERANCE = 1e-7  # in turns at the highest line: a smaller change of a d
 
 @value(copy=False)
 class _MatrixFitProblem:
-    """Data, metric and options for the fit of a matrix.
+    """Data, metric and options for the fit of a matrix."""
 
-    Fields
-    ------
-    points, omega : (F,) ndarray
-        Frequencies of the fit and of the record [rad/s].
-    G : (F, n_y, n_u) complex ndarray
-        The matrix.
-    metric : ErrorMetric
-        Weight of its error.
-    options : dict
-        n_poles, rank, direct and stable.
-    """
-
+    # points, omega: (F,) frequencies of the fit and of the record [rad/s]
     points: np.ndarray
     omega: np.ndarray
-    G: np.ndarray
-    metric: ErrorMetric
-    options: FitOptions
+    G: np.ndarray  # (F, n_y, n_u) complex the matrix
+    metric: ErrorMetric  # weight of its error
+    options: FitOptions  # n_poles, rank, direct and stable
 
     def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, ErrorMetric]:
         """Return points, matrix and metric with the delays (n_u,) of the inputs removed."""
@@ -674,7 +663,7 @@ def start_search(
     delay: float | str | np.ndarray,
     omega_c: float | None,
 ) -> FitSearch:
-    """Return the search for fits of one input and one output, of any order."""
+    """Return the search for fits with one input and one output, of any order."""
     lines = _measured_lines(bla, std, dt, omega_c)
     if isinstance(delay, str) and delay != "estimate":
         raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
@@ -888,7 +877,7 @@ def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | fl
 def single_nominal(
     nominal: NominalFit | AnySystem | float,
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
-    """Return a nominal of one channel, an FRF or a system, with its delay inside, and that delay [s]."""
+    """Return a nominal with one channel, an FRF or a system, with its delay inside, and that delay [s]."""
     plant, delay = with_delays(nominal)
     return plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant), delay
 

@@ -43,30 +43,18 @@ SETTLED, MAX_ROUNDS = 1e-3, 30  # change of the log likelihood that ends the rou
 
 @value
 class FrfData:
-    """Measured lines of one or several concatenated records, and the tolerance for the error of the class on each.
+    """Measured lines of one or several concatenated records, and the tolerance for the error of the class on each."""
 
-    Fields
-    ------
-    omega, G, var, dof : (F,) ndarray
-        Lines [rad/s], FRF, its variance and the degrees of freedom of that variance.
-    tolerance : (F,) ndarray
-        m of `loop_tolerance` [unit of G], the relative size of the error of the class on each line.
-    omega_c : float
-        Crossover [rad/s] of the loop behind the tolerance, nan for none.
-    epsilon : float
-        Size of the error of the class, in units of the tolerance.
-    hold : str
-        Hold of the records.
-    """
-
+    # omega, G, var, dof: (F,) lines [rad/s], FRF, its variance and the degrees of freedom of that variance
     omega: np.ndarray
     G: np.ndarray
     var: np.ndarray
     dof: np.ndarray
+    # (F,) m of `loop_tolerance` [unit of G], the relative size of the error of the class on each line
     tolerance: np.ndarray
-    omega_c: float
-    epsilon: float = 0.0
-    hold: str = "unknown"
+    omega_c: float  # crossover [rad/s] of the loop behind the tolerance, nan for none
+    epsilon: float = 0.0  # size of the error of the class, in units of the tolerance
+    hold: str = "unknown"  # hold of the records
 
     @property
     def total_var(self) -> np.ndarray:
@@ -76,26 +64,13 @@ class FrfData:
 
 @value(copy=False)
 class FitSearch:
-    """The search for the best rational function of any order through measured lines; it keeps what it found.
+    """The search for the best rational function of any order through measured lines; it keeps what it found."""
 
-    Fields
-    ------
-    lines : FrfData
-        The measured lines.
-    dt : float
-        Sampling time of the model [s], 0 for a continuous one.
-    stable : bool
-        True if every pole is kept stable.
-    delay : float, optional
-        Delay in series [s]; estimated if None.
-    found, begun : dict
-        The best fit so far for each (n_poles, n_zeros), and the best one from scratch.
-    """
-
-    lines: FrfData
-    dt: float
-    stable: bool
-    delay: float | None
+    lines: FrfData  # the measured lines
+    dt: float  # sampling time of the model [s], 0 for a continuous one
+    stable: bool  # True if every pole is kept stable
+    delay: float | None  # delay in series [s]; estimated if None
+    # found, begun: the best fit so far for each (n_poles, n_zeros), and the best one from scratch
     found: dict[tuple[int, int], Roots] = field(default_factory=dict)
     begun: dict[tuple[int, int], Roots] = field(default_factory=dict)
 

@@ -32,22 +32,13 @@ _MIN_EIGENVALUE_RATIO = 1e-3  # least eigenvalue of a covariance over its larges
 
 @value(copy=False)
 class SharedPoles:
-    """Poles with their residues as products.
+    """Poles with their residues as products."""
 
-    Fields
-    ------
-    poles : (n,) complex ndarray
-        Poles in the upper half plane, each with its conjugate, and real ones.
-    left, right : (n, n_y, rank), (n, n_u, rank) complex ndarray
-        Residue r is left[r] right[r]^T; real for a real pole.
-    direct : (n_y, n_u) ndarray
-        D.
-    """
-
-    poles: np.ndarray
+    poles: np.ndarray  # (n,) complex poles in the upper half plane, each with its conjugate, and real ones
+    # left, right: (n, n_y, rank) or (n, n_u, rank) complex residue r is left[r] right[r]^T; real for a real pole
     left: np.ndarray
     right: np.ndarray
-    direct: np.ndarray
+    direct: np.ndarray  # (n_y, n_u) D
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Return (F, n_y, n_u) at omega [rad/s]."""
@@ -89,25 +80,16 @@ class SharedPoles:
 
 @value(copy=False, kw_only=False)
 class ErrorMetric:
-    """Weight of the error of a measured matrix: by its scatter, and by the tolerance for the error of the class.
+    """Weight of the error of a measured matrix: by its scatter, and by the tolerance for the error of the class."""
 
-    Fields
-    ------
-    left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
-        Factors for which left E right has independent entries for an error E: scatter has variance one in each.
-    tolerance : (F, n_y, n_u) ndarray
-        Standard deviation of the entries of left E right for an error of the class of size one.
-    entry_tolerance : (F, n_y, n_u) ndarray
-        The same for the entries of E [unit of G].
-    epsilon : float
-        Size of the error of the class.
-    """
-
+    # left, right: (F, n_y, n_y) or (F, n_u, n_u) complex factors for which left E right has independent entries for an
+    # error E: scatter has variance one in each
     left: np.ndarray
     right: np.ndarray
+    # (F, n_y, n_u) standard deviation of the entries of left E right for an error of the class of size one
     tolerance: np.ndarray
-    entry_tolerance: np.ndarray
-    epsilon: float = 0.0
+    entry_tolerance: np.ndarray  # (F, n_y, n_u) the same for the entries of E [unit of G]
+    epsilon: float = 0.0  # size of the error of the class
 
     @property
     def total_var(self) -> np.ndarray:

@@ -620,7 +620,7 @@ def _finished_weight(demand: _Demand, problem: MagnitudeProblem, growth: _Growth
 
 
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
-    """Fit a discrete weight of one channel that covers a continuous one closely, up to the Nyquist frequency.
+    """Fit a discrete weight for one channel that covers a continuous one closely, up to the Nyquist frequency.
 
     A demand on a sampled loop is about |w| at its frequencies. Tustin's method warps that axis and demands too little
     near Nyquist. For weights of first and second order the excess was at most 0.3 dB.

@@ -107,19 +107,19 @@ def uncertainty(
         several channels it may be left out: plants get a fit of their mean response, records the fit that `scan_orders`
         chooses.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". For records of several
-        channels: "elements" (when not given), "additive" or "input", chosen before you see a verdict; or "auto", the
-        first two at a price of 10 %. For plants of several channels also "output", "inverse-additive", "inverse-input"
-        and "inverse-output"; when not given, the first form of `choose_form`.
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". For records with
+        several channels: "elements" (when not given), "additive" or "input", chosen before you see a verdict; or
+        "auto", the first two at a price of 10 %. For plants with several channels also "output", "inverse-additive",
+        "inverse-input" and "inverse-output"; when not given, the first form of `choose_form`.
     weights : str
-        "diagonal": one weight a channel. "full", for plants of several channels: W_l and W_r are matrices, and the set
-        is smaller where deviations share a direction.
+        "diagonal": one weight a channel. "full", for plants with several channels: W_l and W_r are matrices, and the
+        set is smaller if deviations share a direction.
     omega_B : float, optional
-        Bandwidth [rad/s] of the loop for which the form is chosen, for plants of several channels; the middle of their
-        band when not given.
+        Bandwidth [rad/s] of the loop for which the form is chosen, for plants with several channels; the middle of
+        their band when not given.
     order : int, optional
         Order of each weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of the mean excess, and
-        is 4 for plants of several channels.
+        is 4 for plants with several channels.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
@@ -150,8 +150,8 @@ def uncertainty(
 
     Notes
     -----
-    For plants of several channels the set has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the fit. So
-    scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and infinity
+    For plants with several channels the set has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the fit.
+    So scale inputs and outputs first (SP 1.4). Every plant lies inside: systems at all frequencies, zero and infinity
     included, which is proved by exact polynomials (`UncertaintyModel.contains`); FRFs on their lines. If full weights
     of the order do not cover the plants, the weights are diagonal, with a warning.
 
@@ -169,7 +169,7 @@ def uncertainty(
     ('multiplicative', 'statistical', True)
 
     A set by weights of your own is an `UncertaintyModel`, one by a radius of your own `UncertaintyModel.from_radius`. A
-    plant of two inputs and outputs, its inputs wrong by up to 20 %, all at once and with any coupling (for a
+    plant with two inputs and outputs, its inputs wrong by up to 20 %, all at once and with any coupling (for a
     perturbation of each input by itself: `interconnection`):
 
     >>> from robust import UncertaintyModel, check
@@ -406,7 +406,7 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
 
 
 def _single_records(bla: object) -> list[Bla]:
-    """Return the records of one channel that were given, one or a list."""
+    """Return the records with one channel that were given, one or a list."""
     many: list[Any] = list(bla) if isinstance(bla, list | tuple) else [bla]
     if not many or not all(map(is_single, many)):
         raise ValueError(

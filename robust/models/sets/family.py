@@ -57,26 +57,14 @@ _MIN_SPREAD = 1e-3  # least spread, over the largest entry on a line
 
 @value
 class _Family:
-    """Members and nominal of a family on common lines, and the members that are systems.
+    """Members and nominal of a family on common lines, and the members that are systems."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Lines [rad/s].
-    G_p : (M, W, n_y, n_u) complex ndarray
-        Members, FRFs before systems; nan for an FRF on a line that it does not have.
-    G : (W, n_y, n_u) complex ndarray
-        The nominal.
-    nominal : control.StateSpace
-    systems : tuple of control.StateSpace
-        Members that are known at every frequency.
-    """
-
-    omega: np.ndarray
+    omega: np.ndarray  # (W,) lines [rad/s]
+    # (M, W, n_y, n_u) complex members, FRFs before systems; nan for an FRF on a line that it does not have
     G_p: np.ndarray
-    G: np.ndarray
+    G: np.ndarray  # (W, n_y, n_u) complex the nominal
     nominal: control.StateSpace
-    systems: tuple[control.StateSpace, ...]
+    systems: tuple[control.StateSpace, ...]  # members that are known at every frequency
 
     @property
     def is_parametric(self) -> bool:

@@ -33,70 +33,37 @@ PERTURBATIONS = ("LTI", "statistical", "operator")
 
 @value
 class Form:
-    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless stated otherwise.
+    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless stated otherwise."""
 
-    Fields
-    ------
-    name : str
-        Name in the interface.
-    perturbed : (G, w, Delta) -> (W,) complex
-        The perturbed plant.
-    perturbed_system : (G, w, Delta) -> control.StateSpace
-        The same as a system.
-    deviation : (G_p, G) -> (W,) complex
-        The w Delta that turns G into G_p.
-    radius_scale : (center, absolute) -> (W,)
-        Factor from a radius in the plane of G to one in this form; center and absolute are |G| and that radius.
-    radius_limit : (center) -> (W,)
-        Radius in the plane of G at and above which the form has no radius.
-    a, b : (w, G, K, S) -> (W,) complex
-        Coefficients of S_p = S (1 + a Delta)/(1 + b Delta).
-    relative_weight : (w, size) -> (W,), or None
-        |w| as a relative deviation of the plant (inverse: of 1/plant), size = |G|; None if it is not relative.
-    rs_factors : tuple of str
-        Factors of q = b (1 + L). N and M denote the coprime factors, whose q is not a product.
-    inverse : bool
-        True if Delta is in the denominator: the set is unbounded where |w| reaches one.
-    vanishes_with_plant : bool
-        True if the deviation is zero where G is zero.
-    delay_order : int
-        Number of times that Delta acts before delay and hold of the plant while b includes them.
-    weighted_transfer : str
-        The closed-loop function that w weighs, as `mixsyn` names its weights; "" if it is none of them.
-    matlab_expression : str
-        Expression for the uncertain plant in MATLAB's Robust Control Toolbox.
-    python_measure : str
-        The measure of robust stability from responses, as a Python expression (SP 7.5; coprime: Vinnicombe).
-    rs_measure : (w, b) -> (W,)
-        Measure of robust stability, proportional to |w|: stable if and only if it is below one.
-    scale_for : (w, x) -> (W,)
-        Factor on w that scales a and b by a factor x.
-    phase_offset : (G, w, omega) -> complex
-        Delta of `perturbed` over Delta of `perturbed_system` at omega [rad/s], for the same plant.
-    depends_on_units : bool
-        True if the set depends on the units of the plant, which is then scaled.
-    """
-
-    name: str
-    perturbed: Callable[[Array, Array, Array], Array]
+    name: str  # name in the interface
+    perturbed: Callable[[Array, Array, Array], Array]  # complex the perturbed plant
+    # the same as a system
     perturbed_system: Callable[[control.StateSpace, control.StateSpace, control.StateSpace], control.StateSpace]
-    deviation: Callable[[Array, Array], Array]
+    deviation: Callable[[Array, Array], Array]  # complex the w Delta that turns G into G_p
+    # factor from a radius in the plane of G to one in this form; center and absolute are |G| and that radius
     radius_scale: Callable[[Array, Array], Array]
-    radius_limit: Callable[[Array], Array]
+    radius_limit: Callable[[Array], Array]  # radius in the plane of G at and above which the form has no radius
+    # a, b: complex coefficients of S_p = S (1 + a Delta)/(1 + b Delta)
     a: Callable[[Array, Array, Array, Array], Array]
     b: Callable[[Array, Array, Array, Array], Array]
+    # |w| as a relative deviation of the plant (inverse: of 1/plant), size = |G|; None if it is not relative
     relative_weight: Callable[[Array, Array], Array] | None
+    # factors of q = b (1 + L). N and M denote the coprime factors, whose q is not a product.
     rs_factors: tuple[str, ...]
-    inverse: bool
-    vanishes_with_plant: bool
-    delay_order: int
+    inverse: bool  # True if Delta is in the denominator: the set is unbounded where |w| reaches one
+    vanishes_with_plant: bool  # True if the deviation is zero where G is zero
+    delay_order: int  # number of times that Delta acts before delay and hold of the plant while b includes them
+    # the closed-loop function that w weighs, as `mixsyn` names its weights; "" if it is none of them
     weighted_transfer: str
-    matlab_expression: str
+    matlab_expression: str  # expression for the uncertain plant in MATLAB's Robust Control Toolbox
+    # the measure of robust stability from responses, as a Python expression (SP 7.5; coprime: Vinnicombe)
     python_measure: str
+    # measure of robust stability, proportional to |w|: stable if and only if it is below one
     rs_measure: Callable[[Array, Array], Array] = lambda w, b: np.abs(b)
-    scale_for: Callable[[Array, Array], Array] = lambda w, x: x
+    scale_for: Callable[[Array, Array], Array] = lambda w, x: x  # factor on w that scales a and b by a factor x
+    # complex Delta of `perturbed` over Delta of `perturbed_system` at omega [rad/s], for the same plant
     phase_offset: Callable[[control.StateSpace, control.StateSpace, float], complex] = lambda G, w, omega: 1.0
-    depends_on_units: bool = False
+    depends_on_units: bool = False  # True if the set depends on the units of the plant, which is then scaled
 
     def unit_of(self, unit: str) -> str:
         """Return the unit of a radius in this form, from that of the plant; empty if dimensionless or unknown."""
@@ -243,35 +210,20 @@ FORMS = {
 
 @value
 class MatrixForm:
-    """One way in which W_l Delta W_r, a full block, enters a plant with several channels.
+    """One way in which W_l Delta W_r, a full block, enters a plant with several channels."""
 
-    Fields
-    ------
-    name : str
-        Name in the interface.
-    reads, acts : "u" or "y"
-        The signals that W_r reads and on which W_l Delta acts: those of the plant input or of the plant output.
-    inverse : bool
-        True if Delta closes a loop: its output is subtracted from a signal that W_r reads behind that place.
-    deviation : (G_p, G) -> the W_l Delta W_r that turns G into G_p.
-    weighed : (G, S, T) -> the matrix from W_l to W_r in the loop of G with the controller of S and T.
-    one_channel : str
-        The corresponding form for one channel.
-    matlab_expression : str
-        Expression for the uncertain plant in MATLAB's Robust Control Toolbox.
-    python_measure : str
-        The response between W_l and W_r in the loop, as a Python expression (SP 8.6).
-    """
-
-    name: str
+    name: str  # name in the interface
+    # reads, acts: the signals that W_r reads and on which W_l Delta acts: those of the plant input or of the plant
+    # output
     reads: str
     acts: str
+    # True if Delta closes a loop: its output is subtracted from a signal that W_r reads behind that place
     inverse: bool
     deviation: Callable[[Array, Array], Array]
     weighed: Callable[[Array, Array, Array], Array]
-    one_channel: str
-    matlab_expression: str
-    python_measure: str
+    one_channel: str  # the corresponding form for one channel
+    matlab_expression: str  # expression for the uncertain plant in MATLAB's Robust Control Toolbox
+    python_measure: str  # the response between W_l and W_r in the loop, as a Python expression (SP 8.6)
 
     @property
     def needs_square_plant(self) -> bool:
@@ -369,7 +321,7 @@ DEFAULT_FORM = "multiplicative"
 def reduce_to_one_channel(
     form: str, left: Sequence[control.StateSpace], *, right: Sequence[control.StateSpace], radius: Array
 ) -> dict[str, str | control.StateSpace | Array]:
-    """Return form, weight and radius for one channel, from a set in a matrix form around a plant of one channel."""
+    """Return form, weight and radius for one channel, from a set in a matrix form around a plant with one channel."""
     if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
         return {}
     weight = in_series(*right, *left) if left else right[0]

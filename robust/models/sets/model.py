@@ -174,8 +174,8 @@ class UncertaintyModel:
 
     Notes
     -----
-    A set that is given by `left` and `right` around a nominal of one input and output takes the equivalent form of one
-    channel.
+    A set that is given by `left` and `right` around a nominal with one input and output takes the equivalent form for
+    one channel.
 
     Raises
     ------
@@ -330,7 +330,7 @@ class UncertaintyModel:
         )
 
     def _take_sides(self) -> None:
-        """Turn `left` and `right` into systems, or into the equivalent weight of a plant of one channel."""
+        """Turn `left` and `right` into systems, or into the equivalent weight of a plant with one channel."""
         held = self.__dict__
         if self.left or self.right:
             for name in ("left", "right"):
@@ -534,7 +534,7 @@ class UncertaintyModel:
 
     @property
     def shaping(self) -> control.StateSpace:
-        """W1 W2 as one system; a gain of one where the form needs no scaling."""
+        """W1 W2 as one system; a unit gain where the form needs no scaling."""
         scaled = self.is_single and FORMS[self.form].depends_on_units
         return in_series(*self.scaling) if scaled else state_space("shaping", 1.0)
 
@@ -831,7 +831,7 @@ def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
 
 
 def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
-    """Refuse a set of one input and one output, and name the alternative."""
+    """Refuse a set with one input and one output, and name the alternative."""
     if model.is_single:
         raise ValueError(f"model must have several channels to {purpose}, got one input and one output: {instead}")
 
@@ -864,7 +864,7 @@ def require_parametric(model: object, purpose: str) -> None:
 
 
 def require_one_channel(model: object, instead: str, purpose: str, *, parametric: bool = True) -> None:
-    """Refuse an object that is no set of one input and one output; for several channels, name the alternative."""
+    """Refuse an object that is no set with one input and one output; for several channels, name the alternative."""
     if has_several_channels(model):
         raise ValueError(
             f"model must have one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"

@@ -322,25 +322,16 @@ def _records_of(bla: Measurement, dt: float) -> list[Bla]:
 
 @value
 class _SetSizes:
-    """The size of the set about a fit, and the loop that it allows.
+    """The size of the set about a fit, and the loop that it allows."""
 
-    Fields
-    ------
-    radius, loop_radius : float
-        Largest radius over |G| below the crossover, and largest |T_c| times it; nan without a crossover.
-    loop_lines : (F,) ndarray
-        |T_c| times the radius over |G| on the lines of the fit.
-    reach : float
-        Highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line.
-    suffices : bool
-        True if the loop has its margins, or if no other nominal could improve it: on every line |T_c| times the radius
-        is below `_ENOUGH` or near that of the scatter alone, with poles and zeros that the data show.
-    """
-
+    # radius, loop_radius: largest radius over |G| below the crossover, and largest |T_c| times it; nan without a
+    # crossover
     radius: float
     loop_radius: float
-    loop_lines: np.ndarray
-    reach: float
+    loop_lines: np.ndarray  # (F,) |T_c| times the radius over |G| on the lines of the fit
+    reach: float  # highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line
+    # True if the loop has its margins, or if no other nominal could improve it: on every line |T_c| times the radius is
+    # below `_ENOUGH` or near that of the scatter alone, with poles and zeros that the data show
     suffices: bool
 
 

@@ -46,14 +46,9 @@ class RadiusSpec:
 
 @value
 class Extrapolation:
-    """The user's rule outside the measured band: dB per decade away from it, 0 for flat.
+    """The user's rule outside the measured band: dB per decade away from it, 0 for flat."""
 
-    Fields
-    ------
-    below, above : float
-        Slope on either side, over two decades; flat beyond.
-    """
-
+    # below, above: slope on either side, over two decades; flat beyond
     below: float = 0.0
     above: float = 0.0
 
@@ -193,7 +188,7 @@ def sum_of_parts(parts: dict[str, np.ndarray]) -> np.ndarray:
 def record_radius_parts(
     bla: Bla, nominal: control.StateSpace | control.FrequencyResponseData, spec: RadiusSpec
 ) -> dict[str, np.ndarray]:
-    """Return the parts (F,) of the absolute radius about the nominal for one record of one channel."""
+    """Return the parts (F,) of the absolute radius about the nominal for one record with one channel."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
     noise = np.nan_to_num(bla.var_noise)

@@ -69,22 +69,16 @@ Number: TypeAlias = float | arb | acb
 
 @value
 class FoldedPart:
-    """A full block of a continuous set, and the block of the sampled set that contains it after folding.
+    """A full block of a continuous set, and the block of the sampled set that contains it after folding."""
 
-    Fields
-    ------
-    plant, sampled : Matrices or None
-        Continuous plant after the perturbation, and the sampled one; None if the perturbation adds to the output.
-    left, right : tuple of Matrices
-        Continuous weights; W_l and W_r are diagonal.
-    sampled_left, sampled_right : tuple of Matrices
-        Weights of the sampled set.
-    """
-
+    # plant, sampled: continuous plant after the perturbation, and the sampled one; None if the perturbation adds to the
+    # output
     plant: Matrices | None
     sampled: Matrices | None
+    # left, right: continuous weights; W_l and W_r are diagonal
     left: tuple[Matrices, ...]
     right: tuple[Matrices, ...]
+    # sampled_left, sampled_right: weights of the sampled set
     sampled_left: tuple[Matrices, ...]
     sampled_right: tuple[Matrices, ...]
 

@@ -121,29 +121,20 @@ class IntervalProof:
 
 @value
 class IntervalClaim:
-    """A claim on a system, with the matrices that prove it on each interval.
+    """A claim on a system, with the matrices that prove it on each interval."""
 
-    Fields
-    ------
-    system, blocks, level
-        As in `robust.proofs.exact.scaled_kyp.ScaledClaim`.
-    stability : (n, n) ndarray
-        Matrix, in the coordinates T x, that proves stability of the system.
-    T : (n, n) ndarray
-        Coordinates.
-    cuts : (I - 1,) ndarray
-        Boundaries between the intervals of x from zero to infinity: omega [rad/s], in discrete time tan(omega dt / 2).
-    pieces : tuple of IntervalProof
-        One for each interval. X of a block is (1, 1) for a full one, (rows, rows) and Hermitian for the others. K is
-        (rows, rows) with K* = -K for a real block, else zero.
-    """
-
+    # system, blocks, level: as in `robust.proofs.exact.scaled_kyp.ScaledClaim`
     system: Matrices
     blocks: tuple[Block, ...]
     level: float
+    # (n, n) matrix, in the coordinates T x, that proves stability of the system
     stability: Annotated[np.ndarray, SQUARE]
-    T: Annotated[np.ndarray, SQUARE]
+    T: Annotated[np.ndarray, SQUARE]  # (n, n) coordinates
+    # (I - 1,) boundaries between the intervals of x from zero to infinity: omega [rad/s], in discrete time tan(omega dt
+    # / 2)
     cuts: np.ndarray
+    # one for each interval. X of a block is (1, 1) for a full one, (rows, rows) and Hermitian for the others. K is
+    # (rows, rows) with K* = -K for a real block, else zero.
     pieces: tuple[IntervalProof, ...]
 
     def __post_init__(self) -> None:
@@ -200,33 +191,20 @@ def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
 
 @value(copy=False)
 class ExactLoop:
-    """A system over the rationals: the quantities of the inequality as functions of states and inputs (x, u).
+    """A system over the rationals: the quantities of the inequality as functions of states and inputs (x, u)."""
 
-    Fields
-    ------
-    blocks : tuple
-        The structure.
-    g, f : ExactMatrix
-        In coordinates T: f = j x g on the axis. In discrete time g = (A + I) x + B u, f = (A - I) x + B u.
-    y, u : ExactMatrix
-        Outputs and inputs.
-    A, T : fmpq_mat
-        Dynamics of the system, and the coordinates.
-    level : fmpq
-        The level.
-    discrete : bool
-        True if A is that of a discrete system.
-    """
-
-    blocks: tuple[Block, ...]
+    blocks: tuple[Block, ...]  # the structure
+    # g, f: in coordinates T: f = j x g on the axis. In discrete time g = (A + I) x + B u, f = (A - I) x + B u.
     g: ExactMatrix
     f: ExactMatrix
+    # y, u: outputs and inputs
     y: ExactMatrix
     u: ExactMatrix
+    # A, T: dynamics of the system, and the coordinates
     A: fmpq_mat
     T: fmpq_mat
-    level: fmpq
-    discrete: bool
+    level: fmpq  # the level
+    discrete: bool  # True if A is that of a discrete system
 
     @classmethod
     def of(cls, claim: IntervalClaim) -> ExactLoop:

@@ -31,25 +31,14 @@ _ROUNDING = 1e-9  # of a level: error bound of Q and X, which are doubles
 
 @value
 class LearningClaim:
-    """A claim on a learning filter around a sampled loop.
+    """A claim on a learning filter around a sampled loop."""
 
-    Fields
-    ------
-    loop : LoopClaim
-        The loop and its set, which is robustly stable.
-    omega_Q : float
-        Cut-off of Q [rad/s]: Q is 1 up to it, cos^2 from there to zero at twice that.
-    full : float
-        x up to which L = 1/(J c). From there to x = 1 it fades, so that the factor without Q is f(x) = x up to `full`,
-        then 1 - (1 - x)^2/(1 - full).
-    level : float
-        Upper bound of |Q| f(x); less than one.
-    """
-
-    loop: LoopClaim
-    omega_Q: float
+    loop: LoopClaim  # the loop and its set, which is robustly stable
+    omega_Q: float  # cut-off of Q [rad/s]: Q is 1 up to it, cos^2 from there to zero at twice that
+    # x up to which L = 1/(J c). From there to x = 1 it fades, so that the factor without Q is f(x) = x up to `full`,
+    # then 1 - (1 - x)^2/(1 - full).
     full: float
-    level: float
+    level: float  # upper bound of |Q| f(x); less than one
 
     def largest_ratio(self, omega: float) -> float:
         """Return X with |Q| f(x) <= level for x <= X at all frequencies from omega [rad/s] on; inf for any x."""

@@ -45,33 +45,17 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
 
 @value
 class ScaledClaim:
-    """A claim on a system, with the matrices that prove it.
+    """A claim on a system, with the matrices that prove it."""
 
-    Fields
-    ------
-    system : Matrices
-        Stable; its structured singular value stays below the level at every frequency.
-    blocks : tuple of (rows, cols, kind)
-        Kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real" (a real one).
-    level : float
-        The level.
-    P : (n, n) ndarray
-        P in the coordinates z = T x; in the states x of the system it is T' P T.
-    T : (n, n) ndarray
-        Coordinates.
-    scalings : tuple of ndarray
-        X of each block: (1, 1) for a full block, (rows, rows) and symmetric for the others.
-    skews : tuple of ndarray
-        G of each block: (rows, rows) with G' = -G for a real block, else zero.
-    """
-
-    system: Matrices
+    system: Matrices  # stable; its structured singular value stays below the level at every frequency
+    # kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real" (a real one)
     blocks: tuple[Block, ...]
-    level: float
-    P: Annotated[np.ndarray, SQUARE]
-    T: Annotated[np.ndarray, SQUARE]
+    level: float  # the level
+    P: Annotated[np.ndarray, SQUARE]  # (n, n) P in the coordinates z = T x; in the states x of the system it is T' P T
+    T: Annotated[np.ndarray, SQUARE]  # (n, n) coordinates
+    # X of each block: (1, 1) for a full block, (rows, rows) and symmetric for the others
     scalings: tuple[np.ndarray, ...]
-    skews: tuple[np.ndarray, ...]
+    skews: tuple[np.ndarray, ...]  # G of each block: (rows, rows) with G' = -G for a real block, else zero
 
     def __post_init__(self) -> None:
         n, sizes = self.system.order, require_blocks(self.system, self.blocks, self.level)

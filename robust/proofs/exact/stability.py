@@ -130,29 +130,20 @@ WHOLE_SAMPLES, _WHOLE_SAMPLES_DISCRETE, _SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 @value
 class Axis:
-    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled one.
+    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled one."""
 
-    Fields
-    ------
-    G, K, w, P : Quotient
-        Plant (hold and delay by samples inside), controller, weights; P is None without one.
-    W : Quotient or None
-        Scaling of the plant, for coprime factors.
-    dt, delay : fmpq
-        Sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops).
-    w_timed, P_timed : bool
-        True for a continuous weight around a sampled loop: it is a function of s = j omega.
-    """
-
+    # G, K, w, P: plant (hold and delay by samples inside), controller, weights; P is None without one
     G: Quotient
     K: Quotient
     w: Quotient
     P: Quotient | None
+    # dt, delay: sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops)
     dt: fmpq
     delay: fmpq
+    # w_timed, P_timed: True for a continuous weight around a sampled loop: it is a function of s = j omega
     w_timed: bool
     P_timed: bool
-    W: Quotient | None = None
+    W: Quotient | None = None  # scaling of the plant, for coprime factors
 
     @property
     def algebraic(self) -> bool:

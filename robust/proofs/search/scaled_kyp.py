@@ -105,24 +105,12 @@ class _Scaling:
 
 @value(copy=False)
 class ScalingSearch:
-    """A system at level one in continuous time, with balanced channels and states.
+    """A system at level one in continuous time, with balanced channels and states."""
 
-    Fields
-    ------
-    matrices : A, B, C, D
-        Matrices in coordinates T x, with the channels times `balance`.
-    blocks : tuple of (rows, cols, kind)
-        The structure.
-    T : ndarray
-        Coordinates.
-    balance : (K,) ndarray
-        Number d of each block: its outputs are multiplied by d, its inputs divided by it.
-    """
-
-    matrices: Matrices
-    blocks: tuple[Block, ...]
-    T: np.ndarray
-    balance: np.ndarray
+    matrices: Matrices  # matrices in coordinates T x, with the channels times `balance`
+    blocks: tuple[Block, ...]  # the structure
+    T: np.ndarray  # coordinates
+    balance: np.ndarray  # (K,) number d of each block: its outputs are multiplied by d, its inputs divided by it
 
     @classmethod
     def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> ScalingSearch:

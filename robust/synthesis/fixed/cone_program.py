@@ -88,28 +88,17 @@ class Rows:
 
 @value(copy=False)
 class Step:
-    """The numbers of one convex step, in eta.
+    """The numbers of one convex step, in eta."""
 
-    Fields
-    ------
-    eta : (n,) ndarray
-        Coordinates of the previous iterate.
-    Y, X : (F, n) complex ndarray
-        Y and |c| X over the previous |P_c|.
-    hard, aim : Rows
-        Hard demands; demands whose level is minimised.
-    linear : (Q, n) ndarray
-        linear @ eta >= 0.
-    gain, scale : (n,) ndarray
-        The functional maximised without an aim, and the one kept at one meanwhile.
-    """
-
-    eta: np.ndarray
+    eta: np.ndarray  # (n,) coordinates of the previous iterate
+    # Y, X: (F, n) complex Y and |c| X over the previous |P_c|
     Y: np.ndarray
     X: np.ndarray
+    # hard, aim: hard demands; demands whose level is minimised
     hard: Rows
     aim: Rows
-    linear: np.ndarray
+    linear: np.ndarray  # (Q, n) linear @ eta >= 0
+    # gain, scale: (n,) the functional maximised without an aim, and the one kept at one meanwhile
     gain: np.ndarray
     scale: np.ndarray
 

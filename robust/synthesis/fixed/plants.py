@@ -40,64 +40,35 @@ _BELOW = 3
 
 @value
 class DiscsOnLines:
-    """A plant and the discs around it on lines, in front of the controller: one loop of several, the others closed.
+    """A plant and the discs around it on lines, in front of the controller: one loop of several, the others closed."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    G : (W,) complex ndarray
-        Response, hold and delay included.
-    radius : (W,) ndarray
-        Radius of the discs.
-    """
-
-    omega: np.ndarray
-    G: np.ndarray
-    radius: np.ndarray
+    omega: np.ndarray  # (W,) frequencies [rad/s]
+    G: np.ndarray  # (W,) complex response, hold and delay included
+    radius: np.ndarray  # (W,) radius of the discs
 
 
 @value
 class PlantOnLines:
-    """One plant in front of the controller, hold and delay included.
+    """One plant in front of the controller, hold and delay included."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    G, centre : (W,) complex ndarray
-        Nominal response; centre of the disc of plants.
-    radius : (W,) ndarray
-        Radius of that disc; zero without uncertainty.
-    outside : (W,) ndarray
-        |w| where an inverse form comes near |w| = 1 or exceeds it, so that the set is not a disc; zero elsewhere.
-    inverse : (W,) ndarray
-        |w| of an inverse form on S, zero for the other forms.
-    loop : Loop or None
-        The parametric plant, if there is one: then stability follows from poles.
-    n_integrators : int
-        Number of integrators of a parametric plant.
-    readings, open_readings : tuple of Reading
-        Possible continuations of an FRF below its first line, the likeliest first: those that the design holds for, and
-        others within the bound, for which it may not hold.
-    known : (W,) ndarray of bool
-        False at frequencies above the last line of an FRF, where it is assumed to be no larger than there.
-    lowest, highest : float
-        First and last measured line [rad/s]; below the first one an FRF is continued by its integrators. For a
-        parametric plant they exclude only the lines far above.
-    """
-
-    omega: np.ndarray
+    omega: np.ndarray  # (W,) frequencies [rad/s]
+    # G, centre: (W,) complex nominal response; centre of the disc of plants
     G: np.ndarray
     centre: np.ndarray
-    radius: np.ndarray
+    radius: np.ndarray  # (W,) radius of that disc; zero without uncertainty
+    # (W,) |w| where an inverse form comes near |w| = 1 or exceeds it, so that the set is not a disc; zero elsewhere
     outside: np.ndarray
-    inverse: np.ndarray
-    loop: Loop | None
-    n_integrators: int
+    inverse: np.ndarray  # (W,) |w| of an inverse form on S, zero for the other forms
+    loop: Loop | None  # the parametric plant, if there is one: then stability follows from poles
+    n_integrators: int  # number of integrators of a parametric plant
+    # (W,) False at frequencies above the last line of an FRF, where it is assumed to be no larger than there
     known: np.ndarray
+    # lowest, highest: first and last measured line [rad/s]; below the first one an FRF is continued by its integrators.
+    # For a parametric plant they exclude only the lines far above.
     lowest: float
     highest: float
+    # readings, open_readings: possible continuations of an FRF below its first line, the likeliest first: those that
+    # the design holds for, and others within the bound, for which it may not hold
     readings: tuple[Reading, ...] = ()
     open_readings: tuple[Reading, ...] = ()
 

@@ -48,30 +48,20 @@ _PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain"
 
 
 Structure: TypeAlias = str | int | ControllerStructure
-#: Structure and demands of one loop.
+#: Structure and demands for one loop.
 LoopTask: TypeAlias = tuple[Structure, LoopOptions]
 
 
 @value
 class MatrixOnLines:
-    """A square matrix of plants on lines, with its uncertainty.
+    """A square matrix of plants on lines, with its uncertainty."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    G : (W, n, n) complex ndarray
-        Nominal, hold and delay included.
-    left, right : (W, n, p), (W, q, n) complex ndarray
-        Factors of G + left Delta right, for a full block.
-    radius : (W, n, n) ndarray
-        Radii of single entries; zero for a full block, as left and right are for single entries.
-    """
-
-    omega: np.ndarray
-    G: np.ndarray
+    omega: np.ndarray  # (W,) frequencies [rad/s]
+    G: np.ndarray  # (W, n, n) complex nominal, hold and delay included
+    # left, right: (W, n, p) or (W, q, n) complex factors of G + left Delta right, for a full block
     left: np.ndarray
     right: np.ndarray
+    # (W, n, n) radii of single entries; zero for a full block, as left and right are for single entries
     radius: np.ndarray
 
     def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
@@ -190,7 +180,7 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
 
 
 def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
-    """Return structure and demands of one loop; a list has one entry for each loop."""
+    """Return structure and demands for one loop; a list has one entry for each loop."""
     own = {**options, "structure": structure}
     for name in (*_PER_LOOP_OPTIONS, "structure"):
         given = own[name]

@@ -153,27 +153,16 @@ def structure_of(
 
 @value
 class Basis:
-    """A structure on a time base: parameters theta = (y, x) to Y, X and K.
-
-    Fields
-    ------
-    structure : ControllerStructure
-    a : float
-        Pole of the basis [rad/s], in the middle of the band.
-    dt : float
-        Sampling time [s]; 0 for continuous.
-    slowest, fastest : float
-        Smallest and largest |pole| of a free denominator [rad/s]; if sampled, in the plane of the bilinear map.
-    fixed : control.StateSpace
-        The known factor F, on the same time base.
-    """
+    """A structure on a time base: parameters theta = (y, x) to Y, X and K."""
 
     structure: ControllerStructure
-    a: float
-    dt: float
+    a: float  # pole of the basis [rad/s], in the middle of the band
+    dt: float  # sampling time [s]; 0 for continuous
+    # slowest, fastest: smallest and largest |pole| of a free denominator [rad/s]; if sampled, in the plane of the
+    # bilinear map
     slowest: float
     fastest: float
-    fixed: control.StateSpace
+    fixed: control.StateSpace  # the known factor F, on the same time base
 
     @property
     def n_y(self) -> int:

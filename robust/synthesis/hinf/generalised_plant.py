@@ -21,30 +21,9 @@ _RANK_TOLERANCE = 1e-10
 
 @value
 class Plant:
-    """Continuous image of a generalised plant, D22 removed, with the data to undo this for its controller.
+    """Continuous image of a generalised plant, D22 removed, with the data to undo this for its controller."""
 
-    Fields
-    ------
-    A, B1, B2, C1, C2, D11, D12, D21 : ndarray
-        From (w, u) to (z, y).
-    speed : float
-        Factor of the time scaling [rad/s].
-    first : (n_u, n_y) ndarray
-        Feedback closed before the bilinear map, to keep poles away from z = -1.
-    D22, D22_image : (n_y, n_u) ndarray
-        Direct terms removed before and after the bilinear map.
-    into_u, out_of_y : ndarray
-        Factors that take the controller for reduced or scaled u and y to the plant itself: into_u K out_of_y.
-    dt : float
-        Sampling time [s], 0 for continuous.
-    region : tuple of float
-        Real ends of the circle that was mapped onto the axis, in scaled time; empty: none.
-    D22_region : (n_y, n_u) ndarray
-        Direct term removed after that.
-    added : bool
-        True if small outputs of u or disturbances of y were added.
-    """
-
+    # A, B1, B2, C1, C2, D11, D12, D21: from (w, u) to (z, y)
     A: np.ndarray
     B1: np.ndarray
     B2: np.ndarray
@@ -53,16 +32,19 @@ class Plant:
     D11: np.ndarray
     D12: np.ndarray
     D21: np.ndarray
-    speed: float
-    first: np.ndarray
+    speed: float  # factor of the time scaling [rad/s]
+    first: np.ndarray  # (n_u, n_y) feedback closed before the bilinear map, to keep poles away from z = -1
+    # D22, D22_image: (n_y, n_u) direct terms removed before and after the bilinear map
     D22: np.ndarray
     D22_image: np.ndarray
+    # into_u, out_of_y: factors that take the controller for reduced or scaled u and y to the plant itself: into_u K
+    # out_of_y
     into_u: np.ndarray
     out_of_y: np.ndarray
-    dt: float
-    region: tuple[float, ...] = ()
-    D22_region: ArrayField = None
-    added: bool = False
+    dt: float  # sampling time [s], 0 for continuous
+    region: tuple[float, ...] = ()  # real ends of the circle that was mapped onto the axis, in scaled time; empty: none
+    D22_region: ArrayField = None  # (n_y, n_u) direct term removed after that
+    added: bool = False  # True if small outputs of u or disturbances of y were added
 
 
 def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:

@@ -117,25 +117,14 @@ class Multipliers:
 
 @value(copy=False)
 class FrictionChannel:
-    """A friction limit on the loop of one machine.
-
-    Fields
-    ------
-    limit, index : FrictionLimit, int
-    machine : FrictionPlant
-    place : (int, int)
-        Row of the measured position and column of a disturbance of it, in the responses H.
-    plant : control.StateSpace
-        G_d, from force to measured position.
-    dt, delay : float
-        Sampling time and delay of the whole loop [s].
-    """
+    """A friction limit on the loop of one machine."""
 
     limit: FrictionLimit
     index: int
     machine: FrictionPlant
-    place: tuple[int, int]
-    plant: control.StateSpace
+    place: tuple[int, int]  # row of the measured position and column of a disturbance of it, in the responses H
+    plant: control.StateSpace  # G_d, from force to measured position
+    # dt, delay: sampling time and delay of the whole loop [s]
     dt: float
     delay: float
     hard = True

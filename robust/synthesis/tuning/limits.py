@@ -163,28 +163,18 @@ def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -
 
 @value(copy=False)
 class Channel:
-    """A limit on the loop of one plant, with its rows and columns of H.
-
-    Fields
-    ------
-    limit : Limit
-    index : int
-        Number of the limit, hard limits first.
-    hard : bool
-    rows, columns : (.,) ndarray of int
-    perturbation : (ndarray of int, ndarray of int) or None
-        For a worst case: rows of the plant inputs, columns of disturbances at plant inputs and outputs.
-    blocks : tuple of (int, int)
-        For a worst case: the blocks of Delta.
-    """
+    """A limit on the loop of one plant, with its rows and columns of H."""
 
     limit: Limit
-    index: int
+    index: int  # number of the limit, hard limits first
     hard: bool
+    # rows, columns: (.,)
     rows: np.ndarray
     columns: np.ndarray
+    # (ndarray of int, ndarray of int) for a worst case: rows of the plant inputs, columns of disturbances at plant
+    # inputs and outputs
     perturbation: tuple[np.ndarray, np.ndarray] | None
-    blocks: Blocks = ONE_DISC
+    blocks: Blocks = ONE_DISC  # for a worst case: the blocks of Delta
 
     @property
     def is_scaled(self) -> bool:

@@ -61,43 +61,24 @@ def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
 
 @value(copy=False)
 class Peak:
-    """A local maximum of a limit on the loop of one plant.
-
-    Fields
-    ------
-    limit, plant : int
-    hard : bool
-    omega : float
-        Frequency in the plane of the bilinear map [rad/s].
-    level : float
-        log of gain times weight over bound.
-    gradient : (p,) ndarray
-        Derivative of the level by the coordinates.
-    """
+    """A local maximum of a limit on the loop of one plant."""
 
     limit: int
     plant: int
     hard: bool
-    omega: float
-    level: float
-    gradient: np.ndarray
+    omega: float  # frequency in the plane of the bilinear map [rad/s]
+    level: float  # log of gain times weight over bound
+    gradient: np.ndarray  # (p,) derivative of the level by the coordinates
 
 
 @value(copy=False)
 class CloseLook:
-    """Final value of a limit on one plant, from its norm or from dense lines.
+    """Final value of a limit on one plant, from its norm or from dense lines."""
 
-    Fields
-    ------
-    ratio, omega : float
-        Largest gain times weight over bound, and its frequency in the plane of the bilinear map [rad/s].
-    n_lines : int
-        Number of frequencies; 0 if no frequency has a larger ratio.
-    """
-
+    # ratio, omega: largest gain times weight over bound, and its frequency in the plane of the bilinear map [rad/s]
     ratio: float
     omega: float
-    n_lines: int
+    n_lines: int  # number of frequencies; 0 if no frequency has a larger ratio
 
 
 class ModelledLoop:

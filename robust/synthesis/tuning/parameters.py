@@ -17,30 +17,19 @@ _COMPLEX_STEP = 1e-30  # without a difference nothing cancels
 
 @value
 class Controller:
-    """The blocks of a design and their free parameters.
-
-    Fields
-    ------
-    blocks : dict of str to TunableBlock
-    parameters : tuple of (str, Parameter)
-        Name of the block, and the parameter.
-    n_states, n_in, n_out : int
-        Sums over all blocks: M has n_states + n_out rows and n_states + n_in columns.
-    lower, upper, start : (p,) ndarray
-        Coordinates.
-    dt : float
-        Sampling time [s]; 0 if continuous.
-    """
+    """The blocks of a design and their free parameters."""
 
     blocks: dict[str, TunableBlock]
-    parameters: tuple[tuple[str, Parameter], ...]
+    parameters: tuple[tuple[str, Parameter], ...]  # name of the block, and the parameter
+    # n_states, n_in, n_out: sums over all blocks: M has n_states + n_out rows and n_states + n_in columns
     n_states: int
     n_in: int
     n_out: int
+    # lower, upper, start: (p,) coordinates
     lower: np.ndarray
     upper: np.ndarray
     start: np.ndarray
-    dt: float
+    dt: float  # sampling time [s]; 0 if continuous
 
     @property
     def labels(self) -> list[str]:

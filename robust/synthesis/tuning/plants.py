@@ -102,26 +102,14 @@ class Plants:
 
 @value(copy=False)
 class ModelledPlant:
-    """A plant that is known at every frequency, in front of the blocks.
+    """A plant that is known at every frequency, in front of the blocks."""
 
-    Fields
-    ------
-    system : control.StateSpace
-        System, hold and delay included.
-    lines : (.,) ndarray
-        Frequencies [rad/s] for the grid.
-    perturbation : callable or None
-        True frequencies (W,) [rad/s] -> ports of the perturbation of the set.
-    blocks : tuple of (int, int)
-        The blocks of the perturbation.
-    set_systems : tuple of control.StateSpace
-        Nominal and weights of the set; the perturbation has their poles and zeros.
-    """
-
-    system: control.StateSpace
-    lines: np.ndarray
+    system: control.StateSpace  # system, hold and delay included
+    lines: np.ndarray  # (.,) frequencies [rad/s] for the grid
+    # True frequencies (W,) [rad/s] -> ports of the perturbation of the set
     perturbation: Callable[[np.ndarray], Perturbation] | None = None
-    blocks: Blocks = ONE_DISC
+    blocks: Blocks = ONE_DISC  # the blocks of the perturbation
+    # nominal and weights of the set; the perturbation has their poles and zeros
     set_systems: tuple[control.StateSpace, ...] = ()
 
 

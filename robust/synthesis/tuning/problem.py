@@ -35,24 +35,14 @@ class _PoleRow:
 
 @value(copy=False)
 class Evaluation:
-    """A design at some coordinates.
+    """A design at some coordinates."""
 
-    Fields
-    ------
-    x : (p,) ndarray
-        Coordinates.
-    excess : float
-        Largest real part of a pole plus the required decay [rad/s]; inf if a loop has no solution, or an FRF has
-        another winding number.
-    poles : list of PoleRow
-    peaks : list of Peak
-        Peaks of a stable loop.
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # (p,) coordinates
+    # largest real part of a pole plus the required decay [rad/s]; inf if a loop has no solution, or an FRF has another
+    # winding number
     excess: float
     poles: list[_PoleRow]
-    peaks: list[Peak]
+    peaks: list[Peak]  # peaks of a stable loop
 
     @property
     def stable(self) -> bool:

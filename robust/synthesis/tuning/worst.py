@@ -37,21 +37,11 @@ ONE_DISC: Blocks = ((1, 1),)
 
 @value(copy=False)
 class Perturbation:
-    """Ports of the perturbation of a set, over frequency.
+    """Ports of the perturbation of a set, over frequency."""
 
-    Fields
-    ------
-    reads : (W, n_z, n_u) complex ndarray
-        Z: the combination of plant inputs that it reads.
-    drives : (W, n_u + n_y, n_d) complex ndarray
-        P: its effect at the inputs and the outputs of the plant.
-    reads_before : bool
-        True if it reads the plant inputs without its own contribution.
-    """
-
-    reads: np.ndarray
-    drives: np.ndarray
-    reads_before: bool = False
+    reads: np.ndarray  # (W, n_z, n_u) complex Z: the combination of plant inputs that it reads
+    drives: np.ndarray  # (W, n_u + n_y, n_d) complex P: its effect at the inputs and the outputs of the plant
+    reads_before: bool = False  # True if it reads the plant inputs without its own contribution
 
     def at(self, k: int) -> Perturbation:
         """Return the perturbation at one frequency."""
@@ -137,18 +127,10 @@ def _inverse_slack(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @value(copy=False)
 class Scalings:
-    """Scalings of the blocks over frequency; those of the channel are one.
+    """Scalings of the blocks over frequency; those of the channel are one."""
 
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies of the fit, increasing [rad/s].
-    log_d : (K, W) ndarray
-        Logarithms of the scalings.
-    """
-
-    omega: np.ndarray
-    log_d: np.ndarray
+    omega: np.ndarray  # (W,) frequencies of the fit, increasing [rad/s]
+    log_d: np.ndarray  # (K, W) logarithms of the scalings
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         """Return (W, K) scalings at any frequencies: any positive numbers prove a bound, also between lines."""
