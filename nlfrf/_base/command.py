@@ -79,7 +79,6 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
 
 def _find_paths(value: object) -> list[Path]:
-    """Return the paths in the value of a parameter."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 

@@ -347,7 +347,6 @@ def _kind_of_sound(path: Path) -> str | None:
 
 
 def _first_and_last_bytes(path: Path) -> bytes:
-    """Return the first and the last bytes of a file."""
     with path.open("rb") as stream:
         head = stream.read(_HEAD_BYTES)
         stream.seek(max(len(head), path.stat().st_size - _HEAD_BYTES))
@@ -629,7 +628,6 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
 
 @lru_cache
 def _schema_validator(package: str, name: str) -> Validator:
-    """Return the validator of a published schema."""
     from jsonschema import Draft202012Validator
 
     schema = json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))

@@ -434,7 +434,7 @@ class Bla(Channels):
         )
 
     def entry(self, output: int, input: int) -> Bla:
-        """Return one entry as a `Bla` of one input and one output."""
+        """Return one entry as a `Bla` with one input and one output."""
         j, i = require_integer("output", output, least=0), require_integer("input", input, least=0)
         if j >= self.n_outputs or i >= self.n_inputs:
             raise ValueError(

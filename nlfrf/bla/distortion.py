@@ -194,7 +194,6 @@ def estimate_distortion_variance(
 def _collect_output_data(
     j: int, excited: Spectra, *, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
 ) -> _OutputData:
-    """Return the data of output j."""
     rough = dof_rough = None
     if fit is not None:
         n = fit.variance[:, j, :, 0].size

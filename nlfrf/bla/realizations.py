@@ -1,4 +1,4 @@
-"""Realisations with the same phases, merged into periods of one; unequal amplitude spectra; low crest factors.
+"""Realisations with the same phases, merged as further periods; unequal amplitude spectra; low crest factors.
 
 The same file played again is no new realisation: it has the same distortion, which the scatter does not show. Its
 phases show the repeat. For lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
@@ -61,7 +61,7 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
 
 
 def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: int) -> tuple[Spectra, list[int]]:
-    """Merge experiments that repeat one another into periods of one, with a warning.
+    """Merge experiments that repeat one another into further periods of the first, with a warning.
 
     Two experiments repeat one another if all inputs of one are those of the other after one common delay. Experiments
     of an orthogonal set may have equal phases up to a constant in each input; these are no repeats. A group is shifted
@@ -94,7 +94,7 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
 
 
 def _fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
-    """Return the scatters of groups with one period each; a group of one gets the scatter of the other groups."""
+    """Return the scatters of groups with one period each; a single group gets the scatter of the other groups."""
     merged = [m for m, g in enumerate(sizes) if g > 1]
     others = [
         np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1) for k in (0, 1)

@@ -362,7 +362,6 @@ def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
 
 
 def _describe_extent(content: Record | Multisine) -> str:
-    """Describe the extent of a signal."""
     runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
     periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
     f = content.lines.excited * content.f0
@@ -396,7 +395,6 @@ def _known_rate(file: Channels, *names: str) -> float:
 
 
 def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> _Channel:
-    """Return a channel with the statistics of its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
     extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3

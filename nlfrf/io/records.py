@@ -563,7 +563,6 @@ def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], lis
 def _measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
-    """Return a record for each output, from the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
     fs, options = _align_rows(

@@ -67,12 +67,12 @@ Kind = TypeVar("Kind")
 
 
 def load_value(kinds: Mapping[str, Callable[..., Kind]], path: str | os.PathLike[str]) -> Kind:
-    """Read a value of one of these kinds, by its schema, that `save_value` wrote."""
+    """Read a value that `save_value` wrote; its schema has to be among these kinds."""
     return value_from_file(kinds, read_channels(path))
 
 
 def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) -> Kind:
-    """Return the value in the channels of a file, of one of these kinds by schema."""
+    """Return the value in the channels of a file; its schema has to be among these kinds."""
     schema = file.text("schema")
     if schema not in kinds:
         raise ValueError(describe_wrong_file(file.path, schema or None, *kinds))

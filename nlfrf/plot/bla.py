@@ -133,7 +133,7 @@ def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example of several levels.
+    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example at several levels.
 
     Parameters
     ----------

@@ -499,7 +499,6 @@ def _output_label(name: str, m: int, tracks: Sequence[object]) -> str:
 
 
 def _output_names(signals: Iterable[str]) -> list[str]:
-    """Return the names of the outputs among signals."""
     return [name for name in signals if name not in ("u", "r")]
 
 

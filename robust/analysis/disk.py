@@ -175,7 +175,7 @@ def _format_margins(margin: DiskMargin) -> str:
 def disk_margin(
     L: AnySystem, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None
 ) -> DiskMargin:
-    """Compute the disk margin of a loop closed by negative feedback of one; for several channels by mu.
+    """Compute the disk margin of a loop closed by unit negative feedback; for several channels by mu.
 
     Use this instead of gain and phase margin: it covers changes of gain and phase at the same time. `disk_margins`
     gives it for each input and output of a plant.

@@ -115,7 +115,6 @@ class MatrixLoopOnLines:
 
     @property
     def channels(self) -> LoopMargins:
-        """Disk margins of the loop."""
         return disk_margins(self.G, self.K, n_unstable=self.wanted)
 
 

@@ -62,7 +62,6 @@ class Loop:
 
     @property
     def form(self) -> str:
-        """Form of the uncertainty."""
         return self.model.form
 
     @property

@@ -116,7 +116,7 @@ def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
 
 
 def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
-    """Return the certificate of one claim; it contains the claim if it holds."""
+    """Return the certificate of a claim; it contains the claim if it holds."""
     (name,) = claim.claims
     if name in found.proved:
         return Certificate(

@@ -392,7 +392,7 @@ def step_of_plant(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step of one reference through the loop with one plant; see `step_response`."""
+    """Simulate a step in one reference through the loop with one plant; see `step_response`."""
     G, K = multivariable("plant", plant), multivariable("K", K)
     delay, j = require_nonnegative("delay", delay), require_integer("reference", reference, least=0)
     n_y = G.noutputs

@@ -292,7 +292,6 @@ def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
 
 
 def describe_loop(loop: Loop) -> str:
-    """Describe the loop in one line."""
     model = loop.model
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
     parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)

@@ -201,7 +201,7 @@ def step_response(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step of one reference through the loop u = K (r - y), for a plant, or for a set with its worst plant.
+    """Simulate a step in one reference through the loop u = K (r - y), for a plant, or for a set with its worst plant.
 
     Use this to see overshoot, rise and settling time, and the plant input that the step needs.
 

@@ -55,7 +55,6 @@ class _Damping:
         return _quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
-        """Return the damping at one y."""
         return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 

@@ -213,7 +213,6 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
 
 
 def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
-    """Return the gains of a PID for one loop."""
     sampled = timebase(K)
     integrates, filter_time = _pid_structure(K, sampled)
     kp, ki, kd = _pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)

@@ -122,7 +122,7 @@ def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 
 
 def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the `response` of one system as a function, prepared for many calls."""
+    """Return the `response` of a system as a function, prepared for many calls."""
     dt = timebase(system)
     A = system.A - np.eye(system.nstates) if dt else system.A
     return partial(_siso_response, _make_evaluator(A, system.B, C=system.C, D=system.D), dt)
@@ -172,7 +172,7 @@ def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 def _make_evaluator(
     A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return `evaluate_transfer` of one system as a function, prepared for many calls."""
+    """Return `evaluate_transfer` of a system as a function, prepared for many calls."""
     if A.shape[0]:
         A, B, C = scale_states(A, B, C)
         order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits

@@ -75,7 +75,7 @@ class Validation:
         Rms of the remaining difference over the scatter expected from both records, and the probability of as much or
         more without a change.
     entries_outside : (n_y, n_u) int ndarray or None
-        `n_outside` for each entry of several channels; `n_expected` holds for each.
+        `n_outside` for each entry, with several channels; `n_expected` holds for each.
     p_values : (n_y, n_u) ndarray or None
         `p_value` of each entry by itself.
     inputs, outputs : tuple of str

@@ -127,7 +127,6 @@ class _IntervalSearch:
 
     @classmethod
     def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> _IntervalSearch:
-        """Return the search of a system."""
         search, exact = ScalingSearch.of(system, blocks, level), to_matrices(system)
         A = search.matrices[0]
         sizes = [1 if kind == "full" else rows for rows, _, kind in blocks]

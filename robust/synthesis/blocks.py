@@ -83,7 +83,6 @@ class Parameter:
         return self.sign * np.exp(x) if self.sign else x * self.scale
 
     def coordinate_bounds(self) -> tuple[float, float]:
-        """Return the bounds of the coordinate."""
         low, high = sorted(self.to_coordinate(number) for number in (self.lower, self.upper))
         return low, high
 

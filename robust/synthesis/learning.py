@@ -195,7 +195,7 @@ class Learning:
         Raises
         ------
         ValueError
-            Arrays of different lengths, of several columns, or that are not finite.
+            Arrays of different lengths, with several columns, or that are not finite.
 
         Warns
         -----

@@ -168,7 +168,6 @@ def read_filters(slots: Json, dt: float = 0.0) -> tuple[Filter, ...]:
 
 
 def _read_slot(given: Json, dt: float) -> Filter:
-    """Return one filter of the file."""
     kinds = [kind for kind in _FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
         raise ValueError(f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}")

@@ -206,5 +206,4 @@ def _is_positive_number(held: object) -> bool:
 
 
 def _is_finite_number(held: object) -> TypeGuard[float]:
-    """Return whether an attribute is a finite number."""
     return isinstance(held, int | float) and not isinstance(held, bool) and bool(np.isfinite(held))

@@ -198,7 +198,6 @@ def _steps_and_starts(
 
 
 def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
-    """Return the kind of each column."""
     return [
         (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
         if j in columns

@@ -219,7 +219,7 @@ def paper_rig() -> Rig:
 
 
 def two_axis_stage(nonlinearity: str = "friction") -> Rig:
-    """Return a stage of two coupled axes near 29 and 50 Hz, measured at two points that mix them.
+    """Return a stage with two coupled axes near 29 and 50 Hz, measured at two points that mix them.
 
     Masses of 1 and 1.5 kg on springs, a spring and a damper between them.
 
@@ -272,7 +272,6 @@ def require_one_axis(rig: Rig, where: str) -> Rig:
 
 
 def initial_memory(rig: Rig) -> packing.Memory:
-    """Return the memory of a rig at rest."""
     if rig.several:
         return axes.initial_memory(rig.friction)
     law, grid = pack_law(rig.friction)

@@ -1,7 +1,7 @@
 """Compiled steps of friction laws and of sampled loops; numba is imported only here, and installed by an extra.
 
 compiled the compiler, an extra
-coupled  steps and runs of several coupled masses
+coupled  steps and runs for several coupled masses
 data     the numbers that compiled code reads and writes
 leuven   compiled steps of the Leuven, LuGre and Dahl laws
 loops    compiled sampled loops around all these laws

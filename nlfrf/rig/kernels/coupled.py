@@ -1,4 +1,4 @@
-"""Compiled steps of several coupled masses, each with its own friction law or none.
+"""Compiled steps for several coupled masses, each with its own friction law or none.
 
     M x'' + C x' + K x + cubic springs + friction(x') = force
 

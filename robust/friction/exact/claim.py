@@ -130,7 +130,6 @@ class FrictionClaim:
 
     @property
     def ports(self) -> tuple[PortClass, ...]:
-        """The class at every port."""
         own = {one.name: getattr(self, one.name) for one in fields(PortClass)}
         return (PortClass(**own), *self.other_ports)
 

@@ -222,7 +222,6 @@ class JudgedStorage:
 
 
 def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
-    """Return the inequality in balanced coordinates."""
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)

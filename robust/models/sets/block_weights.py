@@ -1,4 +1,4 @@
-"""The smallest W_l and W_r at each frequency for which W_l Delta W_r covers every one of several matrices.
+"""The smallest W_l and W_r at each frequency for which W_l Delta W_r covers several matrices.
 
 With L = W_l W_l* and R = W_r* W_r a matrix E is W_l Delta W_r, sigma(Delta) <= 1, if and only if
 [[R, E*], [E, L]] >= 0 (Schur complement). So the smallest pair, by tr L + tr R, is a convex program. Scaling L up and R

@@ -433,7 +433,6 @@ def _nominal_of_records(nominal: NominalFit | AnySystem | float, bla: Bla) -> tu
 
 
 def _describe_record(bla: Bla) -> str:
-    """Describe a record."""
     lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
     made = bla.experiment
     if made.grid == "given":

@@ -275,7 +275,7 @@ class UncertaintyModel:
         Parameters
         ----------
         nominal : NominalFit, control system, control.FrequencyResponseData or float
-            The model in the middle, of one channel.
+            The model in the middle, with one channel.
         omega : (W,) array_like
             Frequencies of the radius [rad/s], increasing.
         radius : (W,) array_like

@@ -47,7 +47,7 @@ def random_delta(
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:
-    """Return a random stable all-pass of one to three sections over the band [rad/s], with gain one or less."""
+    """Return a random stable all-pass with one to three sections over the band [rad/s], with gain one or less."""
     poles: list[complex] = []
     for _ in range(rng.integers(1, 4)):
         w = np.exp(rng.uniform(np.log(low), np.log(high)))

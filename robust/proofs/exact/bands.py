@@ -199,7 +199,7 @@ def cut_at_crossings(
 
 
 def gain_below(level: float) -> Inequality:
-    """Return level^2 - H~H of one system, which is positive if its largest singular value is below the level."""
+    """Return level^2 - H~H of a system, which is positive if its largest singular value is below the level."""
 
     def inequality(pairs: Sequence[Pair]) -> ExactMatrix:
         (H, adjoint), square = pairs[0], to_rational(level) ** 2

@@ -260,7 +260,6 @@ class _Logarithm:
 
     @property
     def function(self) -> _Expansion:
-        """The function itself."""
         size, bound = self.value.abs_upper(), _absolute(self.series)
         return _Expansion(
             series=self.series.exp() * self.value,
@@ -294,7 +293,6 @@ class _Product:
 
     @property
     def function(self) -> _Expansion:
-        """The function itself."""
         return self.smooth.function if self.roots is None else self.smooth.function * self.roots
 
 

@@ -49,7 +49,6 @@ class ComplexMatrix:
 
     @property
     def numbers(self) -> np.ndarray:
-        """The matrix as complex numbers."""
         return np.asarray(self.re + 1j * self.im)
 
     @property
@@ -208,7 +207,6 @@ class ExactLoop:
 
     @classmethod
     def of(cls, claim: IntervalClaim) -> ExactLoop:
-        """Return the system of a claim."""
         A, B, C, D, T = (to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.T))
         n, m, one = A.nrows(), D.ncols(), identity(A.nrows())
         g, f = ([A + one, B], [A - one, B]) if claim.system.dt else ([one, B * fmpq(0)], [A, B])

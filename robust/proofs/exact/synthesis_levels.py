@@ -181,7 +181,6 @@ def _symmetric_part(matrix: arb_mat) -> arb_mat:
 
 
 def _frobenius_norm(matrix: arb_mat) -> arb:
-    """Return the Frobenius norm of the midpoints."""
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 

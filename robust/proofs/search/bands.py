@@ -49,7 +49,6 @@ class GainBound:
 
     @property
     def is_proved(self) -> bool:
-        """True if the upper bound is proved."""
         return not self.reason
 
 

@@ -21,7 +21,7 @@ class Certificate:
     A loop with one input and one output is proved in exact arithmetic from the given matrices. A loop with several is
     proved by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats the check. A
     proof by scalings, each where it holds, is exact too, but its claim is not kept. Any other outcome is judged in
-    floating point, with slacks far above its rounding. A norm is the structured singular value of one full block.
+    floating point, with slacks far above its rounding. A norm is the structured singular value for one full block.
 
     Fields
     ------

@@ -114,7 +114,6 @@ class ScalingSearch:
 
     @classmethod
     def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> ScalingSearch:
-        """Return the search of a system."""
         d = _balance_channels(system, blocks)
         left, right = (np.repeat(d, sizes) for sizes in _channel_sizes(blocks))
         A, B, C, D = continuous_image(system)  # a discrete loop has the same P

@@ -4,7 +4,7 @@ cone_program    one convex step, in second-order cones
 convex_concave  the iteration from a starting controller to one that no step improves
 demands         demands on the loop, line by line, in the form of a convex program
 design_frf      the entry point: one loop by itself, several one after the other
-one_loop        the design of one loop: its demands and its result
+one_loop        the design for one loop: its demands and its result
 plants          one plant or a family stacked line after line, each a disc in front of the controller
 population      the few parameters of a structure searched over the band, by differential evolution
 sequential      the loops of a matrix closed in turn by a diagonal controller, and the whole checked

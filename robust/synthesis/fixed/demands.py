@@ -62,7 +62,6 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
 
 
 def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
-    """Return the weights as separate demands."""
     rows = []
     for name, w, text in (
         ("w_P", w_P, "|w_P S| <= 1 for the whole set"),

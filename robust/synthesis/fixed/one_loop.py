@@ -363,7 +363,6 @@ def _search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
 
 
 def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoReturn:
-    """Refuse a task without a controller to begin from."""
     if start is not None:
         K = task.basis.controller(start_from_controller(task.basis, start, task.at))
         why = loops_stable(K, task.family, task.n_unstable)[1]

@@ -127,6 +127,5 @@ def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
 
 
 def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
-    """Return the system with these parameters."""
     roots = zeros_and_poles(parameters[1:], order)
     return from_roots(*map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt)

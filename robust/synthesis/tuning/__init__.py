@@ -4,7 +4,7 @@ closing     the closed loop and its derivative by the blocks
 design      the result
 friction    a limit that keeps the proof with friction
 limits      limits: gains of closed-loop channels, for the nominal or for the whole set
-loops       the loop of one plant with its limits: peaks of each over frequency
+loops       the loop around one plant, and its limits: peaks of each over frequency
 minimax     the minimax search: stability first, then the smallest largest limit, at exact peaks
 parameters  all blocks as one matrix of the coordinates of the search, and its slopes
 plants      plants behind hold and delay, or on their lines

@@ -42,7 +42,7 @@ class Ended(Enum):
 
 @value
 class LimitValue:
-    """Value of a limit on the loop of one plant.
+    """Value of a limit on the loop around one plant.
 
     Fields
     ------
@@ -194,7 +194,7 @@ class TunedDesign:
         return with_names(K, inputs, outputs)
 
     def loop(self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0) -> control.StateSpace:
-        """Return the closed loop of one plant between two signals, with all its states."""
+        """Return the closed loop around one plant, between two signals, with all its states."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         plant = require_integer("plant", plant, least=0)
         if plant >= len(self.plant.models):

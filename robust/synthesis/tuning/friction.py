@@ -117,7 +117,7 @@ class Multipliers:
 
 @value(copy=False)
 class FrictionChannel:
-    """A friction limit on the loop of one machine."""
+    """A friction limit on the loop around one machine."""
 
     limit: FrictionLimit
     index: int
@@ -133,12 +133,10 @@ class FrictionChannel:
 
     @property
     def rows(self) -> np.ndarray:
-        """Return the row of H for the channel."""
         return np.array([self.place[0]])
 
     @property
     def columns(self) -> np.ndarray:
-        """Return the column of H for the channel."""
         return np.array([self.place[1]])
 
     def lines(self, poles: np.ndarray) -> np.ndarray:

@@ -163,7 +163,7 @@ def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -
 
 @value(copy=False)
 class Channel:
-    """A limit on the loop of one plant, with its rows and columns of H."""
+    """A limit on the loop around one plant, with its rows and columns of H."""
 
     limit: Limit
     index: int  # number of the limit, hard limits first

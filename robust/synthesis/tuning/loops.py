@@ -1,4 +1,4 @@
-"""The loop of one plant with its fixed parts, and every limit on it: gains over frequency, peaks, slopes."""
+"""The loop around one plant with its fixed parts, and every limit on it: gains over frequency, peaks, slopes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
 
 @value(copy=False)
 class Peak:
-    """A local maximum of a limit on the loop of one plant."""
+    """A local maximum of a limit on the loop around one plant."""
 
     limit: int
     plant: int

@@ -44,7 +44,6 @@ class Perturbation:
     reads_before: bool = False  # True if it reads the plant inputs without its own contribution
 
     def at(self, k: int) -> Perturbation:
-        """Return the perturbation at one frequency."""
         return replace(self, reads=self.reads[[k]], drives=self.drives[[k]])
 
     def pull_out(
