@@ -181,7 +181,7 @@ class RobustnessReport(Findings):
 
     @property
     def headline(self) -> str:
-        """The verdict, with a missed demand and thin margins."""
+        """The verdict, followed by a missed demand and by thin margins, if any."""
         return f"{self.verdict}{self.missed_performance}{', thin margins' * bool(self.thin_margins)}"
 
     @property

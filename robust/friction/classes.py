@@ -142,8 +142,8 @@ def _describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) 
     ratios = [f"{port.stiction:.4g} times{'' if one_ratio else place}" for port, place in at]
     damped = f" and damping up to {1e3 * bristle_time:g} ms of it" if bristle_time else ""
     return (
-        f"Maxwell-slip friction with a presliding stiffness of up to {stiffest}{damped}, in which the slip force of a "
-        f"slider stays within {' and '.join(ratios[:1] if one_ratio else ratios)} its smallest value (anywhere, in any "
+        f"Maxwell-slip friction with a presliding stiffness of up to {stiffest}{damped}, in which each slider holds "
+        f"at most {' and '.join(ratios[:1] if one_ratio else ratios)} its smallest slip force (anywhere, in any "
         "direction, at any speed or time)"
     )
 
