@@ -246,7 +246,7 @@ def reason_for_unusual_gains(K: Controller) -> str:
     >>> reason_for_unusual_gains(control.tf([-2.0, 30.0], [1.0, 0.0]))
     'the PID has Kp = -2 and Ki = 30: no PLC takes gains of different signs; --positive keeps them positive'
     >>> reason_for_unusual_gains(control.tf([3.75e9, 1.0], [3.75e9, 0.0]))
-    'Ti = 3.75e+09 s: the integral is nothing; --structure P leaves it out'
+    'Ti = 3.75e+09 s: the integral is negligible; --structure P leaves it out'
     >>> reason_for_unusual_gains(2.0)
     ''
     """
@@ -279,7 +279,7 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
     """Return a proposal if Kp has no effect at the frequencies omega [rad/s]; empty if it has one, or no PID.
 
     >>> advice_on_structure(control.tf([1e-6, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
-    'Kp = 1e-06 is at most 0.0005 % of |K| on the lines: K is an integrator. Ask for --structure I'
+    'Kp = 1e-06 is at most 0.0005 % of |K| on the lines: K is an integrator. Use --structure I'
     >>> advice_on_structure(control.tf([1.0, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
     ''
     """

@@ -208,10 +208,10 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
     size : (W,) |L|, or its largest singular value.
 
     >>> print(describe_unresolved(np.array([6.3, 12.6]), np.array([2.0, -2.0 + 2j]), np.array([1.0, 3.6])))
+    ... # doctest: +NORMALIZE_WHITESPACE
     the lines do not show the winding number of 1 + L: it turns by 135 deg between 1.003 Hz and 2.005 Hz, and |L| is
     1 on the first line, 1.003 Hz, and 3.6 on the last, 2.005 Hz. Use closer lines (a longer --period), lower or higher
     lines (--f-min, --f-max), or a nominal model (robust model)
-    or higher ones (--f-min, --f-max), or a nominal model (robust model)
     """
     turn = np.abs(np.angle(F[1:] / F[:-1]))
     k = int(np.argmax(turn)) if turn.size else 0
