@@ -228,8 +228,8 @@ class AliasedLoop:
         """Return (W,) the left side of the table above, or a bound of it (LTI inverse): robustly stable if below one.
 
         For the inverse forms 1 + K G_p is written over the denominator 1 + F Delta_0, and every alias moves it by at
-        most |h_k G_k| |F_k|/(1 - |F_k|). The matrix of an operator is split into the frequency itself and the rest; its norm
-        is at most that of the matrix of the norms of its blocks.
+        most |h_k G_k| |F_k|/(1 - |F_k|). The matrix of an operator is split into the frequency itself and the rest; its
+        norm is at most that of the matrix of the norms of its blocks.
         """
         KS, FS = np.abs(self.KS), self.F[:, 0] * np.abs(self.S)
         FKS = self.F[:, 0] * KS
