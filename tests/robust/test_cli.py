@@ -313,7 +313,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
     code, out, err = robust_command(command)
     assert not code, err
-    assert "additive uncertainty of 2 outputs by 2 inputs" in out
+    assert "additive uncertainty with 2 outputs and 2 inputs" in out
     T = 1 / 256
     small = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
     save(small, "small.json")

@@ -89,7 +89,7 @@ def test_a_loop_that_is_no_state_space_has_no_bounds_of_mu():
     model = UncertaintyModel(LAG, RISING, "multiplicative", OMEGA, np.abs(response(RISING, OMEGA)), perturbation="LTI")
     late = assemble_loop(model, control.ss([], [], [], [[0.5]]), w_P=None, delay=0.01)
     folded = assemble_loop(model, control.ss([], [], [], [[0.5]], T), w_P=None, delay=0.0)
-    for loop, reason in ((late, "the delay of a continuous loop"), (folded, "the aliases of a continuous plant")):
+    for loop, reason in ((late, "the delay of a continuous loop"), (folded, "no inequality covers the aliases")):
         assert loop.reason_against_system.startswith(reason)
 
 

@@ -48,7 +48,7 @@ def test_a_matrix_has_no_level(tmp_path):
         lambda: robust.check(model, np.eye(2), signals=signals),
         lambda: robust.reports.write_report(tmp_path / "r.html", model, np.eye(2), signals=signals),
     ):
-        with pytest.raises(ValueError, match="model must be of one input and one output"):
+        with pytest.raises(ValueError, match="model must have one input and one output"):
             refused()
 
 

@@ -318,7 +318,7 @@ def test_rounding_that_changes_much_is_warned_of():
         (
             control.ss([], [], [], np.eye(2), DT),
             {},
-            "K must be of one loop to be written as code, got 2 inputs and 2 outputs",
+            "K must have one input and one output to be written as code, got 2 and 2",
         ),
         (control.tf([1], [1, -2, 1], DT), {"limit": 1.0}, "limit must be left out for a controller with 2 integrators"),
         (pid(1.0, dt=DT), {"limit": 0.0}, "limit must be positive, got 0"),

@@ -121,7 +121,7 @@ def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
     [
         (lambda: dk_iteration(column("input")), "w_P must be given for an UncertaintyModel"),
         (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and blocks left out: the model has its own"),
-        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out but for"),
+        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out except for"),
         (lambda: dk_iteration(column("input"), w_P=np.eye(3)), "w_P must have 1 input, for all channels alike, or 2"),
         (lambda: mixsyn(column("input"), 1.0), "got one with several channels: use dk_iteration for its"),
     ],
@@ -152,7 +152,7 @@ def test_a_round_that_fails_leaves_what_there_is(monkeypatch):
     assert design.certificate.holds
     assert design.reason == "the next round failed: P must be stabilisable by a controller"
     monkeypatch.setattr(dk, "synthesise", fail)
-    with pytest.raises(ValueError, match="P must be one"):
+    with pytest.raises(ValueError, match="P must be stabilisable"):
         dk_iteration(plant(), WITH_PERFORMANCE, 2, 2)
 
 

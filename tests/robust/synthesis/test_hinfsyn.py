@@ -163,8 +163,8 @@ def test_whether_a_mode_is_hidden_depends_on_no_units(is_hidden):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: hinfsyn(hidden(2.0, "y"), 1, 1), "P must be one .* u does not reach the mode at s = 2"),
-        (lambda: hinfsyn(hidden(0.0, "u"), 1, 1), "P must be one .* y misses the mode at s = 0"),
+        (lambda: hinfsyn(hidden(2.0, "y"), 1, 1), "P must be stabilisable .* u does not reach the mode at s = 2"),
+        (lambda: hinfsyn(hidden(0.0, "u"), 1, 1), "P must be stabilisable .* y misses the mode at s = 0"),
         (lambda: hinfsyn(BOOK, 1, 1), "P must have more than n_y = 1 outputs"),
         (lambda: hinfsyn(hidden(1, "y"), 0, 1), "n_y must be a whole number of at least 1"),
         (lambda: hinfsyn(hidden(1, "y"), 1, 1, factor=0.9), "factor must be at least 1"),

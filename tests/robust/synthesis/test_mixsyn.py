@@ -136,7 +136,10 @@ def test_gamma_below_one_is_a_robust_loop(form):
         (lambda: mixsyn(sampled(control.ss(BOOK), 0.1), 1.0, dt=0.2), "dt must be the sampling time of the plant"),
         (lambda: mixsyn(np.eye(2), np.eye(3)), "w_P must have 1 input, for all channels alike, or 2, got 3"),
         (lambda: mixsyn(np.ones((2, 3)), 0.5, w_u=np.eye(2)), "w_u must have 1 input, for all channels alike, or 3"),
-        (lambda: mixsyn(control.ss([[1.0, 0], [0, -1]], [[0], [1]], [[1, 1]], 0), 1.0, w_u=1), "can stabilise"),
+        (
+            lambda: mixsyn(control.ss([[1.0, 0], [0, -1]], [[0], [1]], [[1, 1]], 0), 1.0, w_u=1),
+            "P must be stabilisable",
+        ),
     ],
 )
 def test_refusals(call, message):

@@ -101,5 +101,5 @@ def test_what_takes_one_loop_names_what_several_channels_take(model):
             "simulate its loop",
         ),
     ):
-        with pytest.raises(ValueError, match=f"model must be of one input and one output .*, got 2 x 2: .*{cure}"):
+        with pytest.raises(ValueError, match=f"model must have one input and one output .*, got 2 x 2: .*{cure}"):
             call()

@@ -192,7 +192,7 @@ def test_a_refuting_spring_is_named_and_grows():
     kappa, pole = proof.counterexample
     assert 0 < kappa <= 64e3
     assert abs(pole) > 1
-    assert "yours may be another member" in proof.reason
+    assert "your friction may be another member" in proof.reason
     loop = friction_loop(RIG, K, T)
     grown = np.linalg.matrix_power(loop.period(kappa), 20_000)
     assert np.linalg.norm(grown) > 1e2

@@ -241,7 +241,7 @@ def test_other_functions_say_which_sets_they_take():
     model = robust.uncertainty(family(2), G, form="output", perturbation="LTI")
     with pytest.raises(ValueError, match="model must have the form elements, additive or input and one weight"):
         robust.check(model, control.ss([], [], [], np.eye(2), 0.01))
-    assert unwrapped(str(model)).startswith("output uncertainty of 2 outputs by 2 inputs, LTI: nominal 2 states")
+    assert unwrapped(str(model)).startswith("output uncertainty with 2 outputs and 2 inputs, LTI: nominal 2 states")
 
 
 def test_a_set_with_full_weights_comes_back_from_its_file(tmp_path):

@@ -87,7 +87,7 @@ def test_what_is_no_radius_is_refused(radius, options, expected):
     [
         ([control.frd(plants()[0], OMEGA)], {"simultaneous": True}, "left out with plants"),
         ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on units"),
-        (plants(), {}, "must hold an FRF, .*UncertaintyModel\\(nominal, weight"),
+        (plants(), {}, "must contain an FRF, .*UncertaintyModel\\(nominal, weight"),
         ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),
         ([control.frd(NOMINAL, OMEGA), 3.0], {}, "all plants"),
         ((OMEGA, OMEGA), {}, "UncertaintyModel.from_radius"),

@@ -76,8 +76,8 @@ def test_gains_that_are_positive_of_themselves_are_not_touched():
 @pytest.mark.parametrize(
     ("asked", "refusal"),
     [
-        ({"structure": "lead"}, "positive must be asked of P, I, PI, PD, PID, got it with 'lead'"),
-        ({"structure": 2}, "positive must be asked of"),
+        ({"structure": "lead"}, "positive must be used with P, I, PI, PD, PID, got it with 'lead'"),
+        ({"structure": 2}, "positive must be used with"),
         ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a fixed factor"),
         (
             {"structure": "PID", "start": robust.shaping.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3},
@@ -145,7 +145,7 @@ def test_the_command_warns_and_positive_cures(command_on_light_mode):
     assert_positive_and_within_limits(robust.load("K.json"))
     code, _, err = run("robust design m.json --method ncfsyn --positive --bandwidth 1 -o K.json")
     assert code == 2
-    assert "positive must be asked of --method pid" in err
+    assert "positive must be used with --method pid" in err
 
 
 def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_good():

@@ -242,7 +242,7 @@ GAIN_ONE = control.ss([], [], [], [[1.0]], inputs="q", outputs="q")
     ],
 )
 def test_one_clear_line(message, changed):
-    if "zero whatever" in message:
+    if "zero for all" in message:
         tail = control.ss([], [], [], [[1.0]], inputs="q_in", outputs="q_out")
         changed = {**changed, "system": [ERROR, FORCE, tail]}
     with pytest.raises(ValueError, match=message) as refusal:
