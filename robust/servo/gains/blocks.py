@@ -1,7 +1,8 @@
-"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains to type in; both exact.
+"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains of the drive; both exact.
 
-The velocity loop adds the error of the sample before, a block is its Tustin image: kp (1 + Ts/tn z^-1/(1 - z^-1)) is
-kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a block as it is.
+The integral of the velocity loop adds the previous error, while a block is sampled by Tustin's rule. They agree:
+kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a
+block without conversion.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ from robust.servo.gains.p_pi import (
 )
 from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 
-_LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
+_LEAST_DEPTH = 1e-3  # of a notch as a block, because `tune` searches for its logarithm
 
 
 def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
-    """Return a drive as fixed parts and blocks for `robust.tune`: its gains are the start.
+    """Return a drive as fixed parts and blocks for `robust.tune`, which starts at the present gains.
+
+    Use this to tune the gains of a drive; `with_blocks` gives the result as gains.
 
     Parameters
     ----------
@@ -51,18 +54,18 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
     Raises
     ------
     ValueError
-        No settings, a position loop without gain, a reset time below half a period, a unit of the plant input that
-        needs a torque constant which is not known.
+        Settings that are not a Drive, a position loop without gain, a reset time below half a period, or a unit of the
+        plant input that needs a torque constant when none is given.
 
     Warns
     -----
     DesignWarning
-        As `cascade`, where the position loop runs slower than the velocity loop.
+        If the position loop runs slower than the velocity loop, as for `cascade`.
 
     Notes
     -----
-    Pass `dt=settings.dt` to `tune`. The delay and the lag of the current loop belong to the plant; a delay alone may be
-    given as `delay=settings.delay`.
+    Pass `dt=settings.dt` to `tune`. Delay and lag of the current loop belong to the plant. A delay without lag can also
+    be passed as `delay=settings.delay`.
 
     References
     ----------
@@ -84,7 +87,7 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
 
 
 def _parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
-    """Return what `to_blocks` returns, without its warning."""
+    """Return the result of `to_blocks` without its warning."""
     unit = output_unit or settings.output_unit
     kp = settings.gain * settings.output_factor(unit)
     ki = kp / settings.tn
@@ -110,7 +113,7 @@ def _parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.S
 
 
 def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
-    """Return all of a drive that is no gain: differences, hold, feedforward of the velocity, and the sums."""
+    """Return the parts of a drive without gains: differences, hold, feedforward of the velocity, and the sums."""
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
     motor, load = ("motor", "load") if both else ("position", "position")
@@ -136,14 +139,16 @@ def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
 
 
 def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> Drive:
-    """Return the drive with the numbers of tuned blocks, to type in: `kv`, `kp`, `tn` and the filters.
+    """Return the drive with the gains of tuned blocks: `kv`, `kp`, `tn` and the filters.
+
+    Use this after `tune`, to get the numbers that are typed into the drive.
 
     Parameters
     ----------
     settings : Drive
-        The drive that `to_blocks` took.
+        The drive that was given to `to_blocks`.
     blocks : dict of str to block
-        Of the design, under the names that `to_blocks` gave: `design.blocks`.
+        `design.blocks`, under the names that `to_blocks` gave.
     output_unit : str
         Unit of the plant input, as given to `to_blocks`.
 
@@ -154,7 +159,7 @@ def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_u
     Raises
     ------
     ValueError
-        Blocks of other names or kinds.
+        Blocks with other names or of other kinds.
 
     References
     ----------

@@ -1,16 +1,16 @@
-"""A controller as the gains of a drive: which P-PI cascade equals which PID, and what is none.
+"""A controller as the gains of a drive: the P-PI cascade that equals a given PID.
 
-With q = z^-1, p = 1 - q and a = Ts/tn a cascade over differences behind a low-pass of pole b is
+With q = z^-1, p = 1 - q and a = Ts/tn, a cascade with differences behind a low-pass of pole b is
 
     K = F kp (p + a q)/p ((1 - b) p/(Ts (1 - b q)) + kv) = F (n0 + n1 p + n2 p^2)/(p (1 - b q)),
 
-a PID with filtered derivative, and every such PID with two real zeros z1, z2 is a cascade: one zero is that of the
-velocity loop, 1 - a, the other that of the position loop, from which
+a PID with filtered derivative. Conversely, every such PID with two real zeros is a cascade. One zero belongs to the
+velocity loop and is 1 - a. The other, z, belongs to the position loop and gives
 
     kv = (1 - b)(1 - z)/(Ts (z - b)).
 
 In continuous time: (Kp Tf + Kd) s^2 + (Kp + Ki Tf) s + Ki = kp (1 + kv Tf)(s + 1/tn)(s + kv/(1 + kv Tf)). Real zeros
-need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). Which zero is which is free: either choice is the same controller.
+need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). The zeros may change places: the controller stays the same.
 """
 
 from __future__ import annotations
@@ -29,35 +29,23 @@ from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
 from robust.servo.gains.p_pi import hold_mean, realise_section, velocity_section
 
-#: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
+#: Largest error of a cascade over frequency, relative to K, that counts as zero. An exact cascade has 1e-12.
 _MISFIT = 1e-6
-#: Frequencies [rad a sample] that K is compared on, and how slow a zero may be to be told from an integrator.
+#: Frequencies [rad/sample] at which K is compared. A zero below the slowest one counts as an integrator.
 _SLOWEST, _FASTEST, _N_FREQUENCIES = 1e-6, 0.95 * np.pi, 200
 #: A zero, relative to the slowest frequency, below which it cancels the pole at zero: there is no integral part.
 _NO_INTEGRATOR = 1e-6
-#: Distance of a zero from the pole of the filter, of that pole from 1, below which the two cancel.
+#: A zero and the pole of the filter cancel below this distance, relative to the distance of the pole from 1.
 _CANCELS = 1e-6
 
 
 @value
 class _DriveReading:
-    """A controller read as gains of a drive.
+    """A controller read as gains of a drive, with the largest error over frequency relative to K.
 
-    Fields
-    ------
-    settings : Drive
-        The gains; of two solutions the one with the slower position loop.
-    alternative : Drive or None
-        The other solution, the same controller exactly: `kv` and 1/`tn` have changed places.
-    misfit : float
-        Largest error of the cascade over frequency, relative to K.
+    If there are two solutions, `settings` has the slower position loop; in `alternative`, the same controller exactly,
+    `kv` and 1/`tn` have changed places.
 
-    References
-    ----------
-    Åström & Hägglund, *Advanced PID Control* (2006), 3.2: series and parallel form.
-
-    Examples
-    --------
     >>> from nlfrf.rig import Drive
     >>> from robust.servo import cascade
     >>> settings = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
@@ -77,18 +65,19 @@ class _DriveReading:
 
 
 def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = "") -> _DriveReading:
-    """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
+    """Convert a controller to the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
 
-    A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.
+    Use this to type a designed controller into a drive. A PID with filtered derivative is a cascade if its two zeros
+    are real, and slow compared with its filter.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        From `cascade`, `design_frf`, `tune` or by hand: of one position, or of the two that `like` has. A continuous K
-        is sampled by the bilinear map at `like.fs` first.
+        From `cascade`, `design_frf`, `tune` or by hand, with one position as input, or two if `like` has two encoders.
+        A continuous K is first sampled at `like.fs` by the bilinear map.
     like : Drive
-        The drive: sampling, units, filters, encoders. `kv`, `kp` and `tn` in it are not used; neither is
-        `velocity_lag`, which is read with one encoder and differences.
+        The drive: sampling, units, filters, encoders. Its `kv`, `kp` and `tn` are not used. With one encoder and
+        differences, `velocity_lag` is read from K too.
     output_unit : str
         Unit of the output of K, as for `cascade`.
 
@@ -99,8 +88,8 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
     Raises
     ------
     ValueError
-        A controller that is no such cascade, with the number that says why: complex zeros, a derivative filter that is
-        too slow or too fast, a gain of the other sign, the misfit.
+        A controller that is no such cascade: complex zeros, a derivative filter that is too slow or too fast, gains of
+        both signs, or a misfit. The message gives the number.
 
     References
     ----------
@@ -145,8 +134,8 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
     misfit = _misfit_of(found[0], measured, p=p, angles=angles)
     if not misfit <= _MISFIT:
         raise ValueError(
-            f"K must be a P-PI cascade of this drive, got one that the nearest such cascade misses by {misfit:.2g} of "
-            "its size: other filters than those of like, or another structure"
+            f"K must be a P-PI cascade of this drive, got a controller with a relative error of {misfit:.2g} to the "
+            "nearest such cascade: its filters differ from those of like, or its structure does"
         )
     return _DriveReading(settings=found[0], alternative=found[1] if len(found) > 1 else None, misfit=misfit)
 
@@ -157,7 +146,7 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
     columns = np.stack([(1 - p) * R, np.ones_like(p), p, p**2])
     b, n0, n1, n2 = solve_relative(columns, R)
     if not abs(n1) + abs(n2) > 0:
-        raise ValueError("K must act on the velocity, got one without a gain above zero frequency")
+        raise ValueError("K must act on the velocity, got a controller without a gain above zero frequency")
     if abs(n0) <= _NO_INTEGRATOR * _SLOWEST * abs(n1):
         n0 = 0.0
     if not -1e-9 <= b < 1:
@@ -169,9 +158,10 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
     square = n1**2 - 4 * n0 * n2
     if square < -1e-9 * n1**2:
         raise ValueError(
-            "K must have two real zeros to be a cascade, a position loop and a reset of the velocity loop: "
-            f"n1^2 >= 4 n0 n2 (of a PID (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd)), got {4 * n0 * n2 / n1**2:.4g} times as "
-            "much. Less integral gain; a PD designed with a fixed PI in series has real zeros"
+            "K must have two real zeros to be a cascade, one for the position loop and one for the reset of the "
+            "velocity loop: n1^2 >= 4 n0 n2 (for a PID (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd)), got 4 n0 n2 at "
+            f"{4 * n0 * n2 / n1**2:.4g} times n1^2. Lower the integral gain, or design a PD with a fixed PI in series, "
+            "which has real zeros"
         )
     # zeros in p, the smaller one without cancellation
     big = -0.5 * (n1 + np.copysign(np.sqrt(max(square, 0.0)), n1))
@@ -200,9 +190,9 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
 def _read_known_velocity(
     K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
 ) -> tuple[float, float, float, float]:
-    """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a.
+    """Return (kp, kv, a, nan) for the velocity filter of `like`: K p is linear in kp, kp a, kp kv and kp kv a.
 
-    With two encoders the velocity loop is on the motor, and the position loop on the load.
+    With two encoders the velocity loop uses the motor, and the position loop uses the load.
     """
     (V, H), both = _parts_of(like, angles), like.encoder == "both"
     velocity = like.position_scale.factor * np.stack([p * V, (1 - p) * V])
@@ -213,12 +203,12 @@ def _read_known_velocity(
     else:
         kp, by_reset, by_position, _ = solve_relative(np.concatenate([velocity, position]), K[0] * p)
     if not kp:
-        raise ValueError("K must act on the velocity, got one without a gain on it")
+        raise ValueError("K must act on the velocity, got a controller without a gain on it")
     return kp, by_position / kp, by_reset / kp, np.nan
 
 
 def _settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive:
-    """Return the settings of a drive with what was read."""
+    """Return the settings of a drive from kp, kv, a = Ts/tn and the pole b of the velocity low-pass."""
     if not (kp > 0 and kv > -1e-12 and a > -1e-12):
         raise ValueError(
             f"K must have gains of one sign to be a cascade, got kp = {kp:.4g} "
@@ -235,7 +225,7 @@ def _settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive
 
 
 def _misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
-    """Largest error of a cascade relative to K over the frequencies; K without filters and output factor."""
+    """Return the largest error of a cascade over frequency relative to K, which has no filters and output factor."""
     V, H = _parts_of(settings, angles)
     pi = settings.gain * (1 + settings.dt / settings.tn * (1 - p) / p)
     if settings.encoder == "both":
@@ -247,19 +237,19 @@ def _misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndar
 
 
 def _parts_of(settings: Drive, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) responses from a position to its velocity, and of what the position loop holds."""
+    """Return (W,) responses from a position to its velocity, and to the position that its loop holds."""
     velocity = realise_section(velocity_section(settings), settings.dt)
     return _response_at(velocity, angles)[0], _response_at(hold_mean(settings), angles)[0]
 
 
 def _response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
-    """Return (inputs, W) response of a sampled system of one output at angles of a sample [rad]."""
+    """Return (inputs, W) response of a sampled system with one output at angles [rad/sample]."""
     found = response_by_channel(system, angles / timebase(system)) if system.nstates else system.D[:, :, None]
     return np.asarray(np.broadcast_to(found[0], (system.ninputs, angles.size)))
 
 
 def solve_relative(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """(J,) real coefficients of the columns (J, W) that make a response, by least squares of the relative error."""
+    """Return (J,) real coefficients of columns (J, W) for a response (W,), by least squares of the relative error."""
     weighted = columns / np.abs(wanted)
     size = np.sqrt(np.mean(np.abs(weighted) ** 2, axis=1))
     rows = np.concatenate([(weighted / size[:, None]).real, (weighted / size[:, None]).imag], axis=1)

@@ -1,13 +1,13 @@
-"""Feedforward of an axis without a spring: mass, friction and jerk as gains of a drive, and the force they leave.
+"""Feedforward for an axis without a spring: mass, friction and jerk as gains of a drive, and the remaining force.
 
     m a + c v + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v = F,   T dF/dt + F = F*
 
-The set point knows v, a and the jerk j. With the lead T of current loop, delay and half a period of hold, to first
-order in T,
+The set point gives v, a and the jerk j. The lead T is the sum of lag, delay and half a period of hold. To first order
+in T,
 
     F* = (m + c T) a + c v + m T j + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v.
 
-`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is none of them.
+`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is not stable.
 """
 
 from __future__ import annotations
@@ -30,37 +30,24 @@ from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.servo.gains.controller import solve_relative
 
-#: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
+#: Largest error of 1/(m s^2 + c s), relative to a plant that is accepted as such.
 _MISFIT = 1e-6
-#: Velocities, relative to vs, on which the error of the friction is looked for.
+#: Velocities, relative to vs, at which the error of the friction is searched.
 _VELOCITIES = np.geomspace(1e-3, 1e2, 301)
 
 
-#: A number that is known, or between what and what it lies.
+#: A known number, or its lower and upper end.
 Interval: TypeAlias = "float | tuple[float, float] | np.ndarray"
 
 
 @value
 class _FeedforwardGains:
-    """Feedforward of mass, friction and jerk, with what is known of each.
+    """Feedforward of mass, friction and jerk, each with its interval (2,); the gains use the middle of each.
 
-    Fields
-    ------
-    mass, viscous, coulomb, stiction, stribeck_velocity : (2,) ndarray
-        Least and largest value: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s]; in rad and Nm where it turns.
-        The gains are the middle. Without a Stribeck effect `stiction` is `coulomb`, and `stribeck_velocity` nan.
-    lead : float
-        Time T by which force follows its set point: lag, delay and half a period of hold [s].
-    settings : Drive or None
-        The drive whose units the gains have; without one they are forces.
+    Units: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s], or those with rad and Nm. Without a Stribeck effect
+    `stiction` is `coulomb`, and `stribeck_velocity` is nan. `lead` is the time T [s] by which the force follows its
+    set point. With `settings` the gains have the units of the drive, else they are forces.
 
-    References
-    ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods
-    for the control of machines with friction", Automatica 30, 1994.
-
-    Examples
-    --------
     >>> found = feedforward(mass=(11.5, 12.5), viscous=20.0, coulomb=(14.0, 16.0))
     >>> float(found.force(0.1, 2.0)), float(found.error(0.1, 2.0))
     (41.0, 2.0)
@@ -81,9 +68,9 @@ class _FeedforwardGains:
         return np.asarray((m + c * self.lead) * a + c * v + m * self.lead * j + middle * np.sign(v))
 
     def error(self, v: float | np.ndarray, a: float | np.ndarray) -> np.ndarray:
-        """Return the largest force [N] or [Nm] that is missing or too much, for every machine within the intervals.
+        """Return the largest error of the force [N] or [Nm] for every machine within the intervals.
 
-        It is that of an axis that moves in the direction of its set point, and without what the lead leaves.
+        It holds while the axis moves in the direction of its set point, without terms of second order in the lead.
         """
         moving = np.where(np.asarray(v) != 0, self.friction_error, 0.0)
         return np.asarray(np.ptp(self.mass) / 2 * np.abs(a) + np.ptp(self.viscous) / 2 * np.abs(v) + moving)
@@ -128,8 +115,8 @@ class _FeedforwardGains:
         return "\n".join(
             [
                 *rows,
-                f"dry friction that is left while the axis slides: {self.friction_error:.3g} {force}, "
-                f"{100 * self.relative_error:.3g} % of stiction (at standstill and at a reversal all of it)",
+                f"uncompensated dry friction in motion: {self.friction_error:.3g} {force}, "
+                f"{100 * self.relative_error:.3g} % of stiction (all of it at standstill and at a reversal)",
             ]
         )
 
@@ -144,21 +131,23 @@ def feedforward(
     stribeck_velocity: Interval | None = None,
     settings: Drive | None = None,
 ) -> _FeedforwardGains:
-    """Return the feedforward gains of an axis without a spring: `robust.synthesis.feedforward_filter` takes none.
+    """Return the feedforward gains of a drive for an axis without a spring.
+
+    Use this for a free axis, for which `robust.synthesis.feedforward_filter` has no stable plant to invert.
 
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or FrictionClass, optional
-        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]; of a class of friction the mass with three
-        standard deviations either way. Without it `mass` is needed.
+        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `FrictionClass` gives its mass with three
+        standard deviations to either side. Without a plant, `mass` is needed.
     mass, viscous : float or (low, high), optional
-        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number, or what it lies between; instead of those of the plant.
+        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number or an interval, instead of those of the plant.
     coulomb, stiction : float or (low, high)
         Friction while sliding and at standstill [N] or [Nm].
     stribeck_velocity : float or (low, high), optional
-        Over which it falls from the one to the other, as exp(-(v/vs)^2) [m/s] or [rad/s]; needed with `stiction`.
+        Velocity vs [m/s] or [rad/s]: friction falls from stiction to Coulomb as exp(-(v/vs)^2); needed with `stiction`.
     settings : Drive, optional
-        The drive: its lag and delay make the jerk gain, its torque constant and units those of the gains.
+        The drive. Its lag and delay give the jerk gain; its torque constant and units give the units of the gains.
 
     Returns
     -------
@@ -167,7 +156,7 @@ def feedforward(
     Raises
     ------
     ValueError
-        A plant that is not 1/(m s^2 + c s), with its misfit; no mass; an interval that is none; stiction below Coulomb.
+        A plant that is not 1/(m s^2 + c s); no mass; an interval with its ends exchanged; stiction below Coulomb.
 
     References
     ----------
@@ -182,7 +171,7 @@ def feedforward(
     velocity: 0.4 A/(m/s)
     jerk: 0.000162 A/(m/s^3)
     sign of the velocity (Coulomb): 0.3 A
-    dry friction that is left while the axis slides: 1 N, 6.25 % of stiction (at standstill and at a reversal all of it)
+    uncompensated dry friction in motion: 1 N, 6.25 % of stiction (all of it at standstill and at a reversal)
     """
     if settings is not None:
         require_kind("settings", settings, Drive)
@@ -191,7 +180,7 @@ def feedforward(
     mass = read[0] if mass is None else mass
     viscous = read[1] if viscous is None else viscous
     if mass is None:
-        raise ValueError("mass must be given [kg] where there is no plant to read it from, got none")
+        raise ValueError("mass must be given [kg] without a plant, got none")
     if stiction is not None and stribeck_velocity is None:
         raise ValueError("stribeck_velocity must be given with stiction, got none")
     if stiction is None and stribeck_velocity is not None:
@@ -217,14 +206,14 @@ def feedforward(
 
 
 def _friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
-    """Size of the dry friction at a speed v >= 0: from stiction to Coulomb friction (Stribeck)."""
+    """Return the dry friction at a speed v >= 0, which falls from stiction to Coulomb friction (Stribeck)."""
     if np.isnan(stribeck_velocity):
         return np.asarray(coulomb + 0.0 * v)
     return np.asarray(coulomb + (stiction - coulomb) * np.exp(-((v / stribeck_velocity) ** 2)))
 
 
 def _interval(name: str, given: Interval) -> np.ndarray:
-    """Return (2,) least and largest value of a number or a pair, or a refusal."""
+    """Return (2,) least and largest value of a number or a pair."""
     if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
         low, high = (require_nonnegative(name, float(end)) for end in given)
         if low > high:
@@ -236,7 +225,7 @@ def _interval(name: str, given: Interval) -> np.ndarray:
 def _rigid_body(
     plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass,
 ) -> tuple[Interval, Interval | None]:
-    """Mass and viscous friction of a plant, the mass with its interval where it is known; none where nothing is."""
+    """Return mass and viscous friction of a plant: the mass with its interval, and None for an unknown friction."""
     if isinstance(plant, FrictionClass):
         mass, spread = plant.mass, SIGMAS * plant.mass_std
         return (mass - spread, mass + spread), None
@@ -251,12 +240,12 @@ def _rigid_body(
         G = response(plant, omega)
         columns = np.stack([-(omega**2), 1j * omega]) * G  # m s^2 + c s = 1/G
     if not np.isfinite(columns).all():
-        raise ValueError("plant must be 1/(m s^2 + c s), got one with a response that is not finite")
+        raise ValueError("plant must be 1/(m s^2 + c s), got a response that is not finite")
     m, c = solve_relative(columns, np.ones(omega.size))
     misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
     if not (misfit <= _MISFIT and m > 0):
         raise ValueError(
-            f"plant must be 1/(m s^2 + c s), got one that the nearest misses by {misfit:.2g}: give mass and viscous of "
-            "all that moves"
+            f"plant must be 1/(m s^2 + c s), got a relative error of {misfit:.2g} to the nearest such plant: give mass "
+            "and viscous of all moving parts instead"
         )
     return float(m), max(float(c), 0.0)

@@ -20,10 +20,10 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
     Parameters
     ----------
     path : path
-        With `fs`, `kv`, `kp`, and what else `Drive` has; `delay` in ms in place of periods; filters in tables
-        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency [Hz], and the other numbers: `bandwidth` and
-        `depth` of a notch; `zeta`; `zeta`, `numerator_frequency` and `numerator_zeta` of a biquad. A
-        file without `lag` or `delay` stands for none, and for one period: the settings name both as assumed.
+        A file with `fs`, `kv`, `kp` and the other fields of `Drive`, but `delay` in ms instead of periods. Each filter
+        is a table [[filters]] with its frequency [Hz] as `notch`, `low_pass` or `biquad`, and its other numbers:
+        `bandwidth` and `depth` for a notch; `zeta` for a low-pass; `zeta`, `numerator_frequency` and `numerator_zeta`
+        for a biquad. Without `lag` and `delay`, no lag and a delay of one period are assumed, and printed as assumed.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
     Raises
     ------
     ValueError
-        A file that is not TOML, an entry that is not known or missing, a number without a unit or with a wrong one.
+        A file that is not TOML, an unknown or missing entry, or a number without a unit or with a wrong one.
     FileNotFoundError
         No such file.
 
@@ -68,12 +68,12 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
 
 
 def _warn_of_unusual_gain(kv: float, written: Json) -> None:
-    """Warn of a position gain kv [1/s] that hardly any drive has: its unit may be another one."""
+    """Warn of a position gain kv [1/s] that hardly any drive has, because its unit may be wrong."""
     low, high = USUAL_KV
     if is_unusual_gain(kv):
         warnings.warn(
-            f"kv = {short_form(written)} is {kv:.4g} 1/s, and drives usually have {low:g} to {high:g} 1/s "
-            f"({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result is of that gain; look up its unit",
+            f"kv = {short_form(written)} is {kv:.4g} 1/s, but drives usually have {low:g} to {high:g} 1/s "
+            f"({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result holds for this gain: check its unit",
             DesignWarning,
             stacklevel=3,
         )

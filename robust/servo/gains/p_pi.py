@@ -2,7 +2,7 @@
 
     u = -K y,   K = F(z) kp (1 + Ts/tn z^-1/(1 - z^-1)) (V(z) + kv H(z))
 
-F the filters, V the velocity, H what the position loop holds. All sampled with the period Ts of the velocity loop.
+F are the filters, V gives the velocity, and H is the hold of the position loop. Ts is the period of the velocity loop.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ from robust.synthesis.blocks import second_order_section
 
 
 def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
-    """Return the drive as one controller, for `check`, `prove_friction` and all the rest.
+    """Return the drive as one controller.
+
+    Use this for every check, proof or plot that takes a controller K, such as `check` and `prove_friction`.
 
     Parameters
     ----------
     settings : Drive
         Gains, filters, sampling and units.
     output_unit : str
-        Unit of u: "A", or "N" ("Nm" where it turns). The output unit of `kp_unit` when not given. It has to be that of
-        the input of the plant.
+        Unit of u: "A", or "N" ("Nm" for a rotary axis). The default is the output unit of `kp_unit`. It must be the
+        unit of the plant input.
     actuator : bool
-        False: u is the set point of the current, and its delay and lag are in the plant, as in a record that has the
-        set point for its input. True: u is the current itself at the sampling instants, with delay and lag in K, for a
-        plant that was identified from the actual current.
+        False: u is the current set point, and the plant contains delay and lag of the current loop; use this if the
+        plant was identified from the set point. True: u is the actual current at the sampling instants, and K contains
+        delay and lag; use this if the plant was identified from the actual current.
 
     Returns
     -------
@@ -45,13 +47,13 @@ def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -
     Raises
     ------
     ValueError
-        No settings, a unit of u that needs a torque constant which is not known.
+        Settings that are not a Drive, or a unit of u that needs a torque constant when none is given.
 
     Warns
     -----
     DesignWarning
-        Where the position loop runs slower than the velocity loop. Such a drive is periodic, and K is its mean over
-        the phase of the position loop: a verdict on K is one on this approximation.
+        If the position loop runs slower than the velocity loop. Such a drive is periodically time-varying, and K is its
+        mean over the phase of the position loop. A verdict on K then holds for this approximation.
 
     References
     ----------
@@ -82,7 +84,7 @@ def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -
 
 
 def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSpace:
-    """Return the drive as it runs, from the position set point and the measured positions to u, all in their units."""
+    """Return the drive from (position set point, measured positions) to u, each in its own unit."""
     scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
     factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
     n, held = settings.position_every, hold_mean(settings)
@@ -94,7 +96,7 @@ def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSp
 
 
 def _measured_velocity(settings: Drive) -> control.StateSpace:
-    """Return what the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
+    """Return the feedback of the velocity loop, from the positions to velocity + kv position, in its own units."""
     velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt))
     factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
     join = _added if settings.encoder == "both" else in_parallel
@@ -102,7 +104,7 @@ def _measured_velocity(settings: Drive) -> control.StateSpace:
 
 
 def _behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSpace]:
-    """Return the PI of a velocity error, times a scale, and the filters behind it."""
+    """Return the PI controller of the velocity, times a scale, and the filters behind it."""
     dt = settings.dt
     share = dt / settings.tn
     pi = control.StateSpace([[1.0]], [[1.0]], [[scale * share]], [[scale]], dt)
@@ -121,7 +123,7 @@ def velocity_section(settings: Drive) -> np.ndarray:
 
 
 def hold_mean(settings: Drive) -> control.StateSpace:
-    """Mean over its phase of a position loop that samples in every so many periods and holds in between."""
+    """Return the hold of a position loop that samples in every nth period, as its mean over the n phases."""
     n = settings.position_every
     return realise_fir(np.full(n, 1 / n), settings.dt)
 
@@ -130,8 +132,8 @@ def warn_of_slow_position_loop(settings: Drive) -> None:
     """Warn that K is an approximation where the position loop runs slower than the velocity loop."""
     if settings.position_every > 1:
         warnings.warn(
-            f"the position loop runs once in {settings.position_every} periods of the velocity loop: K is the mean "
-            "over its phase, so that every verdict on K holds for this approximation and not for the drive. Set "
+            f"the position loop runs once in {settings.position_every} periods of the velocity loop, and K is its mean "
+            "over these phases: every verdict on K holds for this approximation and not for the drive. Set "
             "position_every to 1 for a proof",
             DesignWarning,
             stacklevel=3,
@@ -139,7 +141,7 @@ def warn_of_slow_position_loop(settings: Drive) -> None:
 
 
 def realise_section(section: np.ndarray, dt: float) -> control.StateSpace:
-    """Return a second-order section as a state space, of one state where it is of first order."""
+    """Return a second-order section as a state space; a section of first order has one state."""
     b0, b1, b2, _, a1, a2 = section
     A, B = np.array([[-a1, 1.0], [-a2, 0.0]]), np.array([[b1 - a1 * b0], [b2 - a2 * b0]])
     n = 2 if a2 or b2 else 1
@@ -155,11 +157,11 @@ def realise_fir(taps: np.ndarray, dt: float) -> control.StateSpace:
 
 
 def times(factor: float, system: control.StateSpace) -> control.StateSpace:
-    """Return a system times a number, at its output."""
+    """Return a system with its output multiplied by a number."""
     return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
 
 
 def _added(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
-    """Return the sum of the outputs of two systems of inputs of their own."""
+    """Return two systems, each with its own inputs, with their outputs added."""
     both = block_diagonal([F, G], F.dt)
     return control.StateSpace(both.A, both.B, both.C.sum(axis=0)[None], both.D.sum(axis=0)[None], F.dt)

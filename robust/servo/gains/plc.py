@@ -1,7 +1,7 @@
 """A drive as one function block of structured text (IEC 61131-3), for a PLC that runs the cascade itself.
 
-All arithmetic is in LREAL. The block is what `cascade` is, statement by statement, with three things that a linear
-controller has not: the position loop that really waits, a limit with anti-windup, and a start without a jump.
+All arithmetic is in LREAL. The block computes what `cascade` computes, and adds three things that a linear controller
+does not have: a slower position loop without approximation, a limit with anti-windup, and a start without a jump.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ from nlfrf.rig import Drive
 from robust.io.target_code import literal
 from robust.servo.gains.p_pi import velocity_section
 
-#: Words of IEC 61131-3 that no block can be named after.
+#: Keywords of IEC 61131-3, which a block cannot have as its name.
 _RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
 _RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
 
 
 def structured_text(settings: Drive, *, name: str = "PositionController", output_unit: str = "") -> str:
-    """Return a function block in structured text that runs the cascade once a call, every period of the velocity loop.
+    """Return a function block in structured text that runs the cascade; call it once in every velocity-loop period.
 
-    Inputs are the position set point, the measured position (of motor and load with two encoders), a force or current
+    Use this if a PLC closes the position and velocity loop, and the drive only controls the current.
+
+    Inputs are the position set point, the measured position (motor and load with two encoders), a force or current
     that is added behind the filters, and `reset`. While the output is limited, an error that would drive it further
     into the limit is not added to the integral (conditional integration). In the first call, and while `reset` is true,
-    the block takes the measured position for the one before, and its integral and its filters are empty.
+    the block takes the present position as the previous one, and clears its integral and its filters.
 
     Parameters
     ----------
     settings : Drive
-        Gains, filters, sampling and units. `lag` and `delay_periods` are properties of the current loop: no statement.
+        Gains, filters, sampling and units. `lag` and `delay_periods` belong to the current loop, not to the block.
     name : str
         Name of the block.
     output_unit : str
@@ -44,7 +46,7 @@ def structured_text(settings: Drive, *, name: str = "PositionController", output
     Raises
     ------
     ValueError
-        A name that is no identifier, a unit that needs a torque constant which is not known.
+        A name that is not an identifier, or a unit that needs a torque constant when none is given.
 
     References
     ----------
@@ -129,7 +131,7 @@ def _statements(settings: Drive) -> list[str]:
         "    integral := 0.0;",
         *(f"    {key}_{state} := 0.0;" for key in keys for state in ("s1", "s2")),
         "END_IF;",
-        "(* velocity, from the way since the start *)",
+        "(* velocity, from the distance since the start *)",
         "velocity_in := position - position_origin;",
         *_section_statements("velocity"),
         "(* position loop *)",
@@ -167,7 +169,7 @@ def _statements(settings: Drive) -> list[str]:
 
 
 def _section_statements(key: str) -> list[str]:
-    """One second-order section, transposed direct form II."""
+    """Return the statements of one second-order section, transposed direct form II."""
     return [
         f"{key}_out := {key}_b0 * {key}_in + {key}_s1;",
         f"{key}_s1 := {key}_b1 * {key}_in - {key}_a1 * {key}_out + {key}_s2;",

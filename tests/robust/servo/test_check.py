@@ -904,7 +904,7 @@ def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_second
     if in_seconds is None:
         assert load_gains(path).kv == pytest.approx({"1000": 1000 / 60, "0": 0.0, "3.6": 60.0}[kv.split()[0]])
         return
-    with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, and drives usually have 5 to 1000 1/s") as seen:
+    with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, but drives usually have 5 to 1000 1/s") as seen:
         found = load_gains(path)
     assert found.kv == pytest.approx(in_seconds, rel=0.01)
     assert f"is {found.kv:.4g} 1/s" in str(seen[0].message)

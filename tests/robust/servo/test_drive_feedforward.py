@@ -144,7 +144,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
         ),
         (
             {"plant": control.tf([1], [1, 2, 300])},
-            r"plant must be 1/\(m s\^2 \+ c s\), got one that the nearest misses by",
+            r"plant must be 1/\(m s\^2 \+ c s\), got a relative error of",
         ),
         ({"plant": control.tf([1], [1, 0], 0.1)}, "plant must be continuous, got one sampled at 0.1 s"),
         ({"mass": 1.0, "settings": 3}, "settings must be of type Drive"),
