@@ -1,4 +1,4 @@
-"""The commands ``robust servo``: what a servo axis needs from data sheet to verdict."""
+"""The commands ``robust servo``, from the data sheet of a servo axis to a verdict on its gains."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from nlfrf._base.command import (
 from nlfrf._base.files import command_signature, write_text
 from robust._base.options import Discard, Period, Reference, Resample, SamplingFrequency
 
-#: Imported when a command uses them: help and refusals of the command line need none of them.
+#: Imported when a command uses them, so that help and refusals of the command line are fast.
 axis_file, design, findings, gains_file, judge, levels, page, play, read = (
     lazy_loader.load(f"robust.servo.{module}", suppress_warning=True)
     for module in (
@@ -50,27 +50,29 @@ def design_for_drive(
     f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
     f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
     rms: Annotated[
-        float | None, typer.Option(help="Root mean square of the force set point [N], [Nm]; as the limits allow.")
+        float | None, typer.Option(help="Rms of the force set point [N], [Nm]; default: largest within the limits.")
     ] = None,
-    port: Annotated[str, typer.Option(help="Set point it is added to: position, velocity or force.")] = "position",
+    port: Annotated[str, typer.Option(help="Set point to add it to: position, velocity or force.")] = "position",
     max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
     max_velocity: Annotated[float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")] = np.inf,
     max_travel: Annotated[float, typer.Option(help="Limit of the travel [m], [rad].")] = np.inf,
     velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
-    strokes: Annotated[int, typer.Option(help="Strokes there and back.")] = 0,
+    strokes: Annotated[int, typer.Option(help="Strokes forth and back.")] = 0,
     ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
     span: Annotated[float, typer.Option(help="Highest over lowest level of the pre-test.")] = 1e4,
-    periods: Annotated[int, typer.Option(help="Periods to keep, of each stroke or level.")] = 2,
-    discard: Annotated[int, typer.Option(help="Periods before them.")] = 2,
-    realizations: Annotated[int, typer.Option(help="Realisations, a file each.")] = 1,
+    periods: Annotated[int, typer.Option(help="Periods to keep of each stroke or level.")] = 2,
+    discard: Annotated[int, typer.Option(help="Periods before them, not kept.")] = 2,
+    realizations: Annotated[int, typer.Option(help="Realisations, one file each.")] = 1,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
     first: Annotated[Path | None, typer.Option(help="Design (.npz) of the first trace.")] = None,
-    level: Annotated[str, typer.Option(help="Of a first trace that is a pre-test: sticks, bends or slides.")] = "",
+    level: Annotated[
+        str, typer.Option(help="Level of the first trace, if that is a pre-test: sticks, bends or slides.")
+    ] = "",
     input: Force = "force set point",
     output: Position = "position",
     decimal: Decimal = ".",
 ) -> None:
-    """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
+    """Design an experiment on a running drive: set points to play (.csv), and the design (.npz)."""
     origin: nlfrf.rig.ServoAxis | nlfrf.Record
     if first is None:
         origin = _read_axis(source)
@@ -87,7 +89,9 @@ def design_for_drive(
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     if ramp and (velocity or strokes or realizations != 1):
-        raise ValueError("--ramp must be left out in motion, and for several realisations, got it with one of them")
+        raise ValueError(
+            "--ramp must be left out with --velocity, --strokes or --realizations, got it with one of them"
+        )
     fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
     ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
     motion = partial(design.design_experiment, base_velocity=velocity, strokes=strokes)
@@ -110,15 +114,17 @@ def design_for_drive(
 @servo_app.command("play")
 def play_set_points(
     axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
-    file: Annotated[Path, typer.Argument(help="Set points to play, as 'robust servo design' wrote them (.csv).")],
+    file: Annotated[Path, typer.Argument(help="Set points to play, from 'robust servo design' (.csv).")],
     out: Out,
 ) -> None:
-    """Play set points on a simulated axis, and write what its drive traces (.csv)."""
+    """Play set points on a simulated axis, and write the trace of its drive (.csv)."""
     trace = play.play_experiment(_read_axis(axis), file, out)
     if trace.diverged:
-        raise ValueError(f"axis must be stable under its drive, got one that ran away after {trace.t[-1]:.3g} s")
+        raise ValueError(
+            f"axis must be stable under its drive, got one that diverges after {trace.t[-1]:.3g} s: lower its gains"
+        )
     printer(False)(
-        f"{trace.t.size} samples, {trace.t[-1]:.3g} s, at its current limit in {trace.limited.mean():.1%} of them"
+        f"{trace.t.size} samples, {trace.t[-1]:.3g} s; current at its limit in {trace.limited.mean():.1%} of them"
     )
 
 
@@ -126,13 +132,13 @@ def play_set_points(
 def find_levels(
     file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
     played: Annotated[
-        Path, typer.Option("--design", help="What was played, as 'robust servo design --ramp' wrote it (.npz).")
+        Path, typer.Option("--design", help="Design of the pre-test, from 'robust servo design --ramp' (.npz).")
     ],
     input: Force = "force set point",
     output: Position = "position",
     json: Json = False,
 ) -> None:
-    """Read from a pre-test at which levels an axis sticks, bends and slides (exit code 1: it does not show three)."""
+    """Find the levels of a pre-test at which an axis sticks, bends and slides (exit code 1: it does not show three)."""
     experiment = _load_experiment(played)
     found = levels.find_levels(nlfrf.io.load_trace(file, experiment, u=input, y=output), experiment)
     printer(json)(found)
@@ -142,7 +148,7 @@ def find_levels(
 def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
     if path.suffix.lower() not in ("", ".toml"):
-        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
+        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: for a trace give --first")
     return axis_file.load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
 
 
@@ -150,7 +156,7 @@ def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
 def check_gains(
     file: Annotated[
         list[Path],
-        typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, one a level, and the gains with their units."),
+        typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, and the gains with their units."),
     ],
     input: Annotated[
         str | None,
@@ -167,7 +173,7 @@ def check_gains(
     design: Annotated[
         list[Path] | None,
         typer.Option(
-            help="What was played, as 'robust servo design' or 'nlfrf design' wrote it; one, or one for each trace."
+            help="Design of the traces, from 'robust servo design' or 'nlfrf design'; one, or one for each trace."
         ),
     ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| over the set that counts as safe.")] = 2.0,
@@ -177,16 +183,12 @@ def check_gains(
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     force: Annotated[
         float | None,
-        typer.Option(
-            help="Largest friction force [N] or [Nm] where the axis may hunt: how far it then moves; else as was read."
-        ),
+        typer.Option(help="Largest friction force [N] or [Nm], to bound how far the axis may hunt; default: as read."),
     ] = None,
-    within: Annotated[
-        float | None, typer.Option(help="Distance [m] or [rad] within which the axis is to stay: the page says if.")
-    ] = None,
-    spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
+    within: Annotated[float | None, typer.Option(help="Distance [m] or [rad] within which the axis must stay.")] = None,
+    spring: Annotated[bool, typer.Option("--spring", help="The machine has a spring to ground.")] = False,
     masses: Annotated[
-        int, typer.Option(help="2: friction is read of a motor and a load, which takes up to half a minute.")
+        int, typer.Option(help="2: read friction of motor and load, which takes up to half a minute.")
     ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
@@ -195,12 +197,12 @@ def check_gains(
 ) -> None:
     """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
 
-    Exit code 0 where the linear loop is proved stable for the whole set, the axis to come to rest with its friction,
-    and no warning stands on the page. Exit code 3 where the same holds of the linear loop and rest was not judged: no
-    traces at rest were given, or no friction could be read from them; the axis may hunt, within a bound if there is
-    one. Exit code 1 where not: the axis hunts in simulation, margins are thin, a trace has a warning, friction held the
-    axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity loop, as
-    that is approximated. Exit code 2: bad input.
+    Exit code 0: the linear loop is proved stable with the whole set, the axis is proved to come to rest with its
+    friction, and the page has no warning. Exit code 3: the linear loop passed, but rest was not judged, because there
+    are no traces at rest or no friction can be read from them. The axis may hunt, within a bound if there is one. Exit
+    code 1: the gains did not pass. The axis hunts in simulation, margins are thin, a trace has a warning, friction
+    held the axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity
+    loop, which is approximated. Exit code 2: bad input.
     """
     traces, gains = _split_gains(file)
     settings, say = gains_file.load_gains(gains), printer(json)
@@ -261,7 +263,7 @@ def check_gains(
 
 
 def _split_gains(files: list[Path]) -> tuple[list[Path], Path]:
-    """Return the traces among files, and the one that has the gains."""
+    """Return the traces among the files, and the file with the gains."""
     gains = [path for path in files if path.suffix.lower() == ".toml"]
     traces = [path for path in files if path not in gains]
     if len(gains) != 1 or not traces:
@@ -270,34 +272,35 @@ def _split_gains(files: list[Path]) -> tuple[list[Path], Path]:
 
 
 def _load_experiment(path: Path) -> nlfrf.signals.AxisExperiment:
-    """Return the experiment on a drive that a design file holds."""
+    """Return the experiment in a design file."""
     found = nlfrf.load(path)
     if not isinstance(found, nlfrf.signals.AxisExperiment):
         raise ValueError(
-            f"design must be what 'robust servo design' wrote, got {path.name} with a {type(found).__name__}"
+            f"design must be a file from 'robust servo design', got {path.name} with a {type(found).__name__}"
         )
     return found
 
 
 def _load_experiments(designs: list[Path]) -> list[nlfrf.signals.AxisExperiment]:
-    """Return the experiments on a drive that were played; none where it was one multisine."""
+    """Return the experiments in design files; none for a single multisine."""
     played = [nlfrf.load(one) for one in designs]
     experiments = [one for one in played if isinstance(one, nlfrf.signals.AxisExperiment)]
     if len(played) > max(len(experiments), 1):
         raise ValueError(
-            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
+            "design must be one multisine, or an experiment of 'robust servo design' for each trace, got several "
+            "multisines"
         )
     return experiments
 
 
 def _require_design(traces: list[Path]) -> None:
-    """Refuse the trace of a servo axis without its design, which has the names of the signals and the periods."""
+    """Refuse the trace of a servo axis without its design, which has the names of its signals and its periods."""
     from nlfrf.io.channels import read_channels
 
     for path in traces:
         file = read_channels(path)
         if file.full_name("u") not in file.arrays and file.full_name("force set point") in file.arrays:
             raise ValueError(
-                f"design must be given for {path.name}, which looks like the trace of a servo axis: the .npz that "
-                "'robust servo design' wrote. For another trace give --input and --output"
+                f"design must be given for {path.name}, which looks like the trace of a servo axis: give --design with "
+                "the .npz from 'robust servo design'. For another trace give --input and --output"
             ) from None

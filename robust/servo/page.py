@@ -31,7 +31,7 @@ from robust.servo.checking.findings import DriveCheck, DriveVerdict
 from robust.servo.checking.friction import force_over_position
 from robust.servo.checking.simulation import SHOWN
 
-#: Colours of the page for a verdict; one that was not judged has those of a warning.
+#: Style of the page for a verdict; the default is that of a warning.
 _STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
 
 
@@ -42,7 +42,9 @@ def write_page(
     *,
     title: str = "Check of a drive",
 ) -> None:
-    """Write a check of the gains of a drive as one HTML file with pictures, as `robust servo check -o page.html` does.
+    """Write a check of the gains of a drive as one HTML file with pictures.
+
+    `robust servo check ... -o page.html` writes the same file.
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ def write_page(
     Raises
     ------
     ValueError
-        A path that does not end in .html, or not as many traces as were checked.
+        A path that does not end in .html, or another number of records than of traces in the check.
 
     Examples
     --------
@@ -80,7 +82,7 @@ def write_page(
     path = page_path(path)
     require_kind("found", found, DriveCheck)
     if len(records) != len(found.traces):
-        raise ValueError(f"records must be the {len(found.traces)} traces that were checked, got {len(records)}")
+        raise ValueError(f"records must be the {len(found.traces)} traces of the check, got {len(records)}")
     names = [  # levels of one pre-test may have one name
         f"{trace.name}, {np.std(record.u):.3g} {record.u_unit} rms"
         for trace, record in zip(found.traces, records, strict=True)
@@ -92,7 +94,7 @@ def write_page(
         "loop": [
             draw_picture("L in the complex plane, with discs of the set.", plot_nyquist, found.report, square=True),
             draw_picture("Loop gain and sensitivities of the nominal loop.", plot_loop, found.report),
-            draw_picture("Stability of the set; it must stay below one.", plot_check, found.report),
+            draw_picture("Stability of the set: each curve must stay below one.", plot_check, found.report),
         ],
     }
     if found.step is not None:
@@ -112,24 +114,26 @@ def write_page(
 def _pictures_of_traces(records: Sequence[Record], names: Sequence[str]) -> list[Picture]:
     """Draw the FRF of each trace with its bound."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", nlfrf.DataWarning)  # they stand among those of the check
+        warnings.simplefilter("ignore", nlfrf.DataWarning)  # the check has shown them
         blas = [nlfrf.identify(record) for record in records]
     caption = "FRF from force to position of each trace, with its 95 % bound."
     return [draw_picture(caption, plot_blas, blas, names, tall=True)]
 
 
 def _pictures_of_friction(found: DriveCheck, at_rest: dict[str, Record]) -> list[Picture]:
-    """Draw force over position where machine and friction are known, the fit, and where the axis is in the end."""
+    """Draw force over position if machine and friction are known, the fit, and the distances from the set point."""
     friction, pictures = found.friction, []
     fit, force = friction.fit, friction.force
     read, machine = fit or force, fit if force is None else force.sliding
     one_mass = machine is not None and np.isfinite(machine.stds["mass"]) and not (fit is not None and fit.load_mass)
     if read is not None and machine is not None and one_mass and at_rest:
         loops = {name: force_over_position(record, machine) for name, record in at_rest.items()}
-        caption = "Force that mass and viscous friction leave of the command, over the position: what sticks is a line."
+        caption = (
+            "Friction force over the position: commanded force minus mass and viscous friction. Sticking is a line."
+        )
         pictures.append(draw_picture(caption, plot_friction_force, loops, read))
     if fit is not None:
-        caption = "Stiffness and damping of the friction over the motion, measured and of the class that was read."
+        caption = "Stiffness and damping of the friction over the motion, measured and for the class that was read."
         pictures.append(draw_picture(caption, plot_friction_fit, fit, tall=True))
     if cases := _rest_cases(found):
         unit, caption = found.settings.base_unit, "Largest distance from the set point in the end, at rest or hunting."
@@ -138,9 +142,9 @@ def _pictures_of_friction(found: DriveCheck, at_rest: dict[str, Record]) -> list
 
 
 def _rest_cases(found: DriveCheck) -> list[RestCase]:
-    """Return what is known of the rest: with the class that was read, with any friction of a force, with each change.
+    """Return verdict and largest distance from the set point: for the class, for any friction, and for each change.
 
-    Each has a verdict and the largest distance from the set point, not finite where none is known.
+    An unknown distance is not finite.
     """
     friction, cases = found.friction, []
     if friction.proofs:

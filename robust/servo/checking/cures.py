@@ -1,4 +1,4 @@
-"""What a change of a drive does to a friction verdict: each change proved again, the most useful first."""
+"""Changes of a drive that improve its friction verdict: the proof is repeated with each, the most useful first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robust.servo.gains.p_pi import cascade
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 _STEP = 1.5
-#: Share of the friction that a compensation leaves.
+#: Remaining share of a compensated friction.
 _COMPENSATED = 0.3
 
 
@@ -30,14 +30,14 @@ class FrictionCure:
     Fields
     ------
     change : str
-        What is changed, from which number to which.
+        The gain, its old and its new number.
     verdict : FrictionVerdict
-        With the change.
+        Verdict with the change.
     error : float
-        How far from the set point the axis stays in the end [m] or [rad], every friction of the class of at most Fs:
-        where it rests if it comes to rest; infinite where no bound is known.
+        Largest distance from the set point in the end [m] or [rad], at rest or hunting, with every friction of the
+        class up to the force Fs; infinite if no bound is known.
     unit : str
-        Of the error.
+        Unit of the error.
 
     References
     ----------
@@ -70,35 +70,36 @@ def friction_cures(
     Fs: float | Sequence[float],
     output_unit: str = "",
 ) -> tuple[FrictionCure, ...]:
-    """Prove a loop again with each change that helps against hunting, and put them in the order of what helps.
+    """Return the changes of a drive that improve its friction verdict, the best first.
 
-    Only what helps is returned. Changed one at a time: velocity gain times 1.5, reset time times 1.5, no integral
-    action (what a dead band or a leak of the integrator tends to), and a compensation of the friction that is wrong by
-    30 % of it. The last leaves a friction of at most that share of Fs, of which nothing else is known; one that
-    follows the set point compensates while the set point moves, and nothing at rest.
+    Use this if `prove_friction` does not prove that an axis comes to rest. The proof is repeated with each of four
+    changes: velocity gain times 1.5; reset time times 1.5; no integral action, as with a large dead band or a leaky
+    integrator; a compensation that leaves at most 30 % of the friction. Nothing else is assumed of the remaining
+    friction. A compensation that follows the set point acts only while the set point moves.
 
     Parameters
     ----------
     machine : FrictionPlant
-        In the units of the velocity loop (m or rad).
+        The axis in the units of the velocity loop (m or rad).
     settings : Drive
-        The drive as it is.
+        The drive with its present gains.
     friction : AnyFriction or FrictionAtPorts
-        The class.
+        The class of friction.
     Fs : float or sequence of float
-        Largest friction force [N] or [Nm]; of several friction ports one each.
+        Largest friction force [N] or [Nm], one for each friction port.
     output_unit : str
-        As of `cascade`: "N" or "Nm".
+        "N" or "Nm", as for `cascade`.
 
     Returns
     -------
     tuple of FrictionCure
-        Those that come to rest first, then those with a smaller error than the drive as it is; by their error.
+        First the changes with which the axis comes to rest, then those with a smaller error than the present gains,
+        each group in the order of its error. A change that does not help is left out.
 
     Raises
     ------
     ValueError
-        No settings, a force that is not positive, units that differ.
+        Settings that are not a Drive, a force that is not positive, or units that differ.
 
     References
     ----------
@@ -130,7 +131,7 @@ def friction_cures(
     _, present, bound = _judge(machine, settings, friction, forces=forces, output_unit=output_unit)
     found.append(
         FrictionCure(
-            change=f"friction compensated to {100 * _COMPENSATED:g} % of it, while that acts",
+            change=f"friction compensated to {100 * _COMPENSATED:g} %, while the compensation acts",
             verdict=FrictionVerdict.SETTLES if np.isfinite(bound) else FrictionVerdict.NOT_DECIDED,
             error=_COMPENSATED * bound,
             unit=machine.position_unit,
@@ -148,7 +149,7 @@ def _judge(
     forces: np.ndarray,
     output_unit: str,
 ) -> tuple[FrictionVerdict, float, float]:
-    """Return the verdict, its error, and the bound of any friction up to `forces` (P,); infinite of none."""
+    """Return the verdict, its error, and the bound for any friction up to `forces` (P,); infinite if there is none."""
     K = cascade(settings, output_unit=output_unit)
     proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=forces.tolist())
     bound = float(np.nan_to_num(proof.error_bound, nan=np.inf))

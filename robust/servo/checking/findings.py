@@ -1,4 +1,4 @@
-"""What a check of the gains of a drive finds: verdict, conditions, doubts, and the page as text."""
+"""The result of a check of gains: verdict, conditions of the traces, doubts, and the page as text."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from robust.pages.section import Fact, Section
 from robust.pages.text import format_sections
 from robust.servo.checking.friction import DriveFriction
 
-_FILTERED = "a filter that the gains do not name, or a mode above the band, which looks like one"
+_FILTERED = "a filter that is missing in the gains, or a mode above the band, acts like them"
 
 
-#: What a drive does not say of its currents.
-_AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
+#: Manuals of drives often leave open whether their amperes are rms or peak values.
+_AMPERE_NOTE = ". A may be rms or peak, but must be the same in kp and in the force constant"
 
 
-#: What the words of the page mean.
+#: Meaning of the terms of the page.
 _WORDS = {
     "line": "an excited frequency",
-    "rms": "on the lines; all of it: of the whole trace, with its noise",
-    "radius": "how far the FRF on a line may be from the model, relative to it",
-    "weight": "bound of that error at all frequencies, above the radius",
-    "rs": "weight times |T|; all plants are stable if it is below 1",
+    "rms": "on the lines; total: of the whole trace, with its noise",
+    "radius": "largest distance of the FRF on a line from the model, relative to the model",
+    "weight": "bound of this distance at all frequencies, at least the radius",
+    "rs": "weight times |T|; the loop is stable with every plant of the set if rs is below 1",
     "S, T": "S = 1/(1 + L) and T = 1 - S, with the loop gain L; |S| reaches 0.71 at the bandwidth of S",
-    "disk margin": "a change of gain, of phase, or of less of both, that the loop stands",
+    "disk margin": "change of gain, of phase, or of both by less, with which the loop is still stable",
 }
-_TRACE_HEAD = ("trace", "force, rms", "all of it", "motion, rms", "all of it", "lines", "band")
+_TRACE_HEAD = ("trace", "force, rms", "total", "motion, rms", "total", "lines", "band")
 
 
 class DriveVerdict(State):
-    """What was found of gains, for linear loop and friction together; the exit code of the command is made of it."""
+    """Verdict on gains, for linear loop and friction together; it decides the exit code of the command."""
 
     PASSED = "passed"
     NOT_PASSED = "not passed"
@@ -52,7 +52,7 @@ class DriveVerdict(State):
 
 
 class RecordedGains(State):
-    """Whether a trace was recorded with the gains that are checked, by its design."""
+    """Gains during a recording, by its design: the gains to check, or others."""
 
     SAME = "same"
     OTHER = "other"
@@ -60,7 +60,7 @@ class RecordedGains(State):
 
 
 class BaseMotion(State):
-    """Whether the axis moved while a trace was recorded, by its design."""
+    """Motion of the axis during a recording, by its design."""
 
     AT_REST = "at rest"
     MOVING = "in motion"
@@ -68,10 +68,9 @@ class BaseMotion(State):
 
 
 class Conditions(NamedTuple):
-    """With which gains a trace was recorded, whether the axis moved, and what was found when all traces were read.
+    """Conditions of a trace: gains, motion, base velocity [m/s] or [rad/s], and warnings from reading all traces.
 
-    velocity : base velocity [m/s], [rad/s]. warnings : what was warned of. unread : why pre-tests show no class of
-    friction. levels : every level of the pre-tests.
+    unread : reason for each pre-test from which no class of friction can be read. levels : all levels of the pre-tests.
     """
 
     gains: RecordedGains = RecordedGains.UNKNOWN
@@ -83,7 +82,7 @@ class Conditions(NamedTuple):
 
 
 class DoubtKind(State):
-    """Why gains are not safe though the verdict may be good, or why the model cannot judge them."""
+    """Kinds of reasons to distrust the gains or the model, even with a good verdict."""
 
     AT_REST = "friction held the axis in the trace, which cannot judge the gains"
     OUTSIDE_BAND = "the loop crosses over outside the measured band"
@@ -95,14 +94,14 @@ class DoubtKind(State):
 
 
 class Doubt(NamedTuple):
-    """What speaks against the gains or the model: its kind, and the number that shows it with what to do."""
+    """A reason to distrust the gains or the model: kind, evidence, remedy."""
 
     kind: DoubtKind
     description: str
 
 
 class Trace(NamedTuple):
-    """Force and motion of a trace, rms, on its lines and all of it; whether its axis moved; its lines and band [Hz]."""
+    """A trace: rms of force and motion, each on the lines and in total; motion of the axis; lines and band [Hz]."""
 
     name: str
     force: tuple[float, float]
@@ -114,7 +113,7 @@ class Trace(NamedTuple):
 
     @property
     def row(self) -> tuple[str, ...]:
-        """Return the row of a table, under `_TRACE_HEAD`."""
+        """Row of the table below `_TRACE_HEAD`."""
         N, m = self.units
         forces, motions = (f"{one:.3g} {N}" for one in self.force), (format_length(one, m) for one in self.motion)
         first, last = self.band
@@ -123,32 +122,32 @@ class Trace(NamedTuple):
 
 @value
 class DriveCheck:
-    """What the traces of an axis say of the gains of its drive.
+    """Result of a check of the gains of a drive against traces of its axis.
 
     Fields
     ------
     settings : Drive
-        The gains, for a position in m or rad.
+        The gains, for a position in m or rad. Delay and lag are those of the trace if it refutes the given ones.
     unit : str
-        Unit of the force that they ask for: "N", "Nm", or "A" without a torque constant.
+        Unit of the force set point: "N", "Nm", or "A" without a torque constant.
     traces : tuple of Trace
-        What each trace holds.
+        Force, motion and band of each trace.
     base : str
-        Which of them the set is made of.
+        Name of the trace from which the set is made.
     report : RobustnessReport
         Margins, set, verdict and proof.
     step : StepResponse or None
-        A step of the position set point; none where the nominal loop is unstable.
+        A step of the position set point; None if the nominal loop is unstable.
     friction : DriveFriction
-        What the traces at rest say of the friction, and the verdicts with it.
+        The friction read from the traces, and the verdicts with it.
     actual : bool
-        Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
+        True if the input of the traces is the actual current, which does not show delay and lag.
     doubts : tuple of Doubt
-        Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
+        Reasons to distrust the gains or the model, even with a good verdict.
     given : Drive or None
-        The settings as given: those of `settings` have delay and lag of the trace where it refutes the given ones.
+        The settings as given, with the given delay and lag.
     asked : float or None
-        The distance from its rest [m] or [rad] within which the axis is asked to stay.
+        Distance from rest [m] or [rad] within which the axis is required to stay.
     """
 
     settings: Drive
@@ -165,17 +164,17 @@ class DriveCheck:
 
     @property
     def linear_passed(self) -> bool:
-        """Whether the linear loop is stable with the whole set, and nothing speaks against its model or its margins."""
+        """True if the linear loop is stable with the whole set, and there is no doubt."""
         return self.report.proofs.robustly_stable and not self.doubts
 
     @property
     def proved(self) -> bool:
-        """Whether the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
+        """True if the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
         return self.report.proofs.robustly_stable and self.friction.proved and self.settings.position_every == 1
 
     @property
     def verdict(self) -> DriveVerdict:
-        """Whether linear loop and friction passed; what was not judged has not passed, nor what hunts in simulation."""
+        """Verdict on linear loop and friction. Friction that was not judged, or hunts in simulation, has not passed."""
         if self.linear_passed and not self.friction.proofs and not self.friction.hunts:
             bounded = np.isfinite(self.friction.within)
             return DriveVerdict.FRICTION_BOUNDED if bounded else DriveVerdict.FRICTION_NOT_JUDGED
@@ -183,13 +182,13 @@ class DriveCheck:
 
     @property
     def safe(self) -> bool:
-        """Whether linear loop and friction were both judged, and passed."""
+        """True if linear loop and friction were both judged, and passed."""
         return self.verdict is DriveVerdict.PASSED
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the verdict means for the axis, then why and on which conditions, a sentence each."""
-        largest = f"max |S| is {self.report.margins.S_worst:.3g}, allowed are {self.report.peak:g}"
+        """Meaning of the verdict for the axis, then reasons and conditions, one sentence each."""
+        largest = f"max |S| is {self.report.margins.S_worst:.3g}, at most {self.report.peak:g} is allowed"
         stable = f"The linear loop is stable with every linear plant of the set; {largest}"
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
@@ -205,27 +204,27 @@ class DriveCheck:
             return f"{self.verdict}: the axis {within}{self.friction.headline}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
         why += f"; the axis {self.friction.headline}" * self.friction.hunts
-        more = ("The verdict below only says that no linear plant of the set is unstable",)
+        more = ("The verdict of the linear loop below only means that its loop is stable with every plant of the set",)
         return f"NOT PASSED, linear loop: {why}", *(more if self.report.proofs.robustly_stable else ())
 
     @property
     def conclusion(self) -> str:
-        """What the verdict is on, linear loop and friction, and why."""
+        """The findings as one text."""
         return ". ".join(self.findings)
 
     @property
     def answers(self) -> dict[str, str]:
-        """What is asked of an axis first: whether it rests, within how much, whether it hunts, what to change."""
+        """Answers to the first questions: does the axis rest, within which distance, does it hunt, what to change."""
         answers = self.friction.answers(self.settings.base_unit, self.asked)
         if not self.linear_passed:
             answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
         return {question: answer for question, answer in answers.items() if answer}
 
     def to_values(self) -> JsonObject:
-        """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
+        """Return all fields in terms of JSON, in SI units, with a summary in `linear` and `friction`.
 
-        friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
-        friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws that the records leave.
+        friction.outcome : the proved result: "rests", "settles" (within `within` [m]), "refuted" or "open".
+        friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws not refuted by the records.
         """
         fields, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
         assert isinstance(fields, dict)
@@ -264,7 +263,7 @@ class DriveCheck:
 
     @property
     def stiffness(self) -> Peak | None:
-        """The least stiffness of the axis in its loop over frequency; None where it is not stable or not known."""
+        """Least stiffness of the axis in its loop over frequency; None if the loop is not stable or not known."""
         G, K = self.report.curves.G, self.report.curves.K
         if G is None or K is None or not self.report.nominally_stable:
             return None
@@ -274,29 +273,29 @@ class DriveCheck:
 
     @property
     def assumption(self) -> str:
-        """What is taken from the settings and not from the traces."""
-        timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
+        """Delay and lag of the current loop, and their source: the settings or the trace."""
+        timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms of the current loop"
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
         more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
         if self.given is not None and (self.given.delay, self.given.lag) != (self.settings.delay, self.settings.lag):
             late = self.given.delay + self.given.lag > self.settings.delay + self.settings.lag
-            why = "with which the machine would lead its force" if late else _FILTERED
+            why = "with the given ones the machine would lead its force" if late else _FILTERED
             timing += (
-                f", as the trace shows them, and not {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms as "
-                f"given, {why}"
+                f", as the trace shows them, instead of {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms "
+                f"as given ({why})"
             )
         if shown := self.friction.delay:
-            more = f"; the traces at rest show {shown} of both together{more}"
+            more = f"; the traces at rest show {shown} for their sum{more}"
         if self.actual:
-            return f"assumed: {timing} of the current loop, which a trace of the actual current does not show{more}"
+            return f"assumed: {timing}; a trace of the actual current does not show them{more}"
         return (
-            f"{timing} of the current loop taken off, and put back in the loop: the fit takes up an error of them, "
-            f"and the radius of the set what is left as misfit{more}"
+            f"{timing}. Both are removed for the fit and put back for the check; the radius of the set contains the "
+            f"misfit that an error of them leaves{more}"
         )
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """Return the page: every fact that text, HTML and JSON show, in their order."""
+        """The page: all facts of text, HTML and JSON, in their order."""
         settings, linear = self.settings, replace(self.report, peak=np.inf)  # thin margins are among the warnings
         first, *more = self.findings
         verdict = [
@@ -307,13 +306,13 @@ class DriveCheck:
         loop = [*linear.claims, *linear.findings, *linear.details]
         if self.stiffness is not None:
             unit = ratio_unit(self.unit, settings.base_unit)
-            loop.append(Fact("stiffness", self.stiffness, unit, "the least over frequency, of a force on the axis"))
+            loop.append(Fact("stiffness", self.stiffness, unit, "least over frequency, against a force on the axis"))
         around = f"The set of plants around {self.base} [{ratio_unit(settings.base_unit, self.unit)}]"
         margins = {fact.name: fact for fact in linear.classical.facts}
-        smoothed = f"kv/(s + kv) smooths the set point; a force meets the {margins['phase margin']}"
+        smoothed = f"kv/(s + kv) smooths the set point; after a force only the {margins['phase margin']} counts"
         found = () if self.step is None else self.step.facts
         step = [replace(fact, meaning=smoothed) if fact.name == "overshoot" else fact for fact in found]
-        motion = "At rest friction holds the axis like a spring; in motion it slides, and the axis answers as a mass."
+        motion = "At rest friction holds the axis like a spring; in motion the axis slides and responds as a mass."
         return (
             Section("gains", "Gains", f"{first}.", verdict),
             Section(
@@ -328,14 +327,14 @@ class DriveCheck:
                 table=[_TRACE_HEAD, *(trace.row for trace in self.traces)],
             ),
             *self.friction.sections,
-            Section("loop", "Linear loop", f"{around}, and the loop that the gains make with each of them.", loop),
+            Section("loop", "Linear loop", f"{around}, and the loop of these gains with each of them.", loop),
             Section(
                 "step",
                 "Step of the position set point",
-                "Of any size, of the nominal linear loop, without limits of current and speed.",
+                "Response of the nominal linear loop, without limits of current and speed, to a step of any size.",
                 facts=step,
             ),
-            Section("words", "Words", facts=[Fact(*words) for words in _WORDS.items()]),
+            Section("words", "Terms", facts=[Fact(*words) for words in _WORDS.items()]),
         )
 
     def __str__(self) -> str:
@@ -343,7 +342,7 @@ class DriveCheck:
 
 
 def _describe_parameters(settings: Drive) -> str:
-    """Return which of the settings are typed into the drive, and what an ampere is."""
+    """Return the names of the settings that are parameters of the drive, with a note on amperes."""
     observed = settings.velocity_from == "observer"
     typed = {
         "kv": settings.kv,
@@ -355,11 +354,11 @@ def _describe_parameters(settings: Drive) -> str:
     }
     ampere = settings.output_unit == "A" and bool(np.isfinite(settings.torque_constant))
     names = ", ".join(name for name, is_set in typed.items() if is_set)
-    return f"{names}; the rest is the drive as it is" + _AMPERE_NOTE * ampere
+    return f"{names}; the other numbers are properties of the drive" + _AMPERE_NOTE * ampere
 
 
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla, moving: bool) -> Trace:
-    """Return level and band of a trace; one that is not known to be in motion counts as at rest."""
+    """Return level and band of a trace; a trace with unknown motion counts as at rest."""
     force, motion = (
         np.sqrt(np.sum(np.abs(np.fft.rfft(signal.mean(axis=-2))[..., record.lines.excited]) ** 2) / 2)
         * 2

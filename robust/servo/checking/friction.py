@@ -1,7 +1,7 @@
 """Friction in the loop of a drive: read from traces at rest, and the loop proved with it.
 
-The class of friction leaves the viscous part to the machine. A proof for one mass and one viscous friction says nothing
-of others, so it is repeated at the ends of both intervals, the viscous friction beginning at zero.
+Viscous friction belongs to the machine and not to the class of friction. A proof for one mass and one viscous friction
+does not hold for others, so it is repeated at the ends of both intervals. That of viscous friction begins at zero.
 """
 
 from __future__ import annotations
@@ -33,71 +33,70 @@ from robust.servo.checking.cures import FrictionCure, friction_cures
 from robust.servo.checking.simulation import SimulatedRest
 from robust.servo.gains.p_pi import cascade
 
-#: Levels from which friction is read.
+#: Number of levels needed to read friction.
 _FEWEST_LEVELS = 3
-#: Largest presliding stiffness of the proof, over the upper end of what was read: elements that slip below the lowest
-#: level are not seen.
+#: Presliding stiffness of the proof over the upper end of its interval, for elements that slip below the lowest level
+#: and do not show.
 _K0_MARGIN = 1.25
-#: What no interval of a reading holds.
+#: Error that the intervals do not contain.
 _FORCE_NOTE = (
-    "Mass, stiffness and forces are as good as what scales the trace to {unit}, such as the force constant: an error "
-    "of that is in no interval."
+    "Mass, stiffness and forces depend on the factor that converts the trace to {unit}, such as the force constant; "
+    "the intervals do not contain an error of this factor."
 )
 _STIFFNESS_NOTE = (
-    "rms force on the lines, and stiffness of the friction over K0. Near 100 % friction sticks and gives K0; near 0 % "
-    "it slides and gives mass, viscous friction and the forces; levels between give the transition"
+    "rms force on the lines, and stiffness of the friction over K0. Near 100 % friction sticks and shows K0; near 0 % "
+    "it slides and shows mass, viscous friction and the forces; levels between show the transition"
 )
-#: What the bound of a stated force is of, where no friction was read.
+#: Meaning of a bound with a given force if no class of friction was read.
 _BOUNDED_NOTE = (
-    "how far the axis moves in the end, at rest or hunting, by the largest friction force, at the motor or at the load "
-    "where one was read and that is worse; whether it comes to rest is not judged"
+    "the bound is the largest distance from rest in the end, at rest or hunting, with the largest friction force at "
+    "the motor or at the load, whichever is worse; whether the axis comes to rest is not judged"
 )
 #: Machines of such a bound.
 MODEL = "the nominal model"
 READ = "the machine as read in motion"
 UNCERTIFIED = f"{READ} (its loop is stable; the linear loop with its uncertainty is not certified)"
-#: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
+#: Largest additional delay to try, and resolution of the largest proved one, in periods.
 _MOST_ADDED_PERIODS, _ADDED_STEP = 8, 1 / 16
 
 
 @value
 class DriveFriction:
-    """What traces at rest say of the friction of an axis, and of its loop with that friction.
+    """Friction of an axis, and verdicts on its loop with this friction.
 
     Fields
     ------
     fit : FrictionFit or None
-        Machine and friction, with intervals.
+        Machine and friction from traces at rest, with intervals.
     assumed : FrictionClass or None
-        Machine and class that the loop was proved with.
+        Machine and class of the proof.
     proofs : tuple of FrictionProof
-        The verdicts, the weakest first: with the mass that was read and no viscous friction, and where that is proved
-        at the ends of both intervals.
+        The verdicts, the weakest first: for the mass as read without viscous friction, and if that is proved, for the
+        ends of both intervals.
     cures : tuple of FrictionCure
-        What a change of the drive does to a verdict that is not proved.
+        Changes of the drive that improve a verdict that is not proved.
     bounded : FrictionProof or None
-        Where no friction was read: the bound of the error with any friction of at most a stated force.
+        Bound of the error with any friction up to the force `largest`, if no class of friction was read.
     bounded_machine : str
-        Of which machine that bound is: the nominal linear model of the traces, not its set, or what they show in
-        motion.
+        Machine of this bound: the nominal model (not its set), or the machine as read in motion.
     note : str
-        Why nothing was read, or nothing proved.
+        Reason why friction was not read, or nothing was proved.
     largest : float, tuple of float or None
-        Largest friction force [N] or [Nm] of the bounds: stated, or the upper end of what was read; of motor and load
+        Largest friction force [N] or [Nm] of the bounds, given or the upper end of its interval; for motor and load
         one each.
     added_delay : float
-        Additional delay [s] with which all was proved too; with `_ADDED_STEP` of a period more it was not, or not
-        tried. nan where the loop is not proved.
+        Largest additional delay [s] for which the proof was repeated with success, in steps of `_ADDED_STEP` periods;
+        nan if the loop is not proved.
     known_delay : float
-        Delay with lag [s] that the settings have in front of the traces.
+        Delay and lag [s] of the settings that are part of the traces.
     has_integral : bool
-        Whether the velocity loop has an integral part, so that the axis can rest at its set point only.
+        True if the velocity loop has an integral part. The axis can then rest only at its set point.
     force : FrictionForce or None
-        The friction without a law, from traces in motion and at rest.
+        Friction for any friction law, from traces in motion and at rest.
     simulated : SimulatedRest or None
-        What the axis as read does in the end, by simulation.
+        Simulation of the axis as read.
     unsimulated : str
-        Why it was not simulated.
+        Reason why it was not simulated.
     """
 
     fit: FrictionFit | None = None
@@ -117,17 +116,17 @@ class DriveFriction:
 
     @property
     def proved(self) -> bool:
-        """Whether the loop comes to rest with every friction of the class, by a proof."""
+        """True if the loop is proved to come to rest with every friction of the class."""
         return bool(self.proofs) and all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
 
     @property
     def refuted(self) -> bool:
-        """Whether a friction of the class is proved to keep the axis from rest."""
+        """True if one friction of the class is proved to keep the axis from rest."""
         return any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs)
 
     @property
     def outcome(self) -> str:
-        """What is proved: "rests", "settles", "refuted" (a friction of the class never rests), or "open"."""
+        """Proved result: "rests", "settles", "refuted" (with one friction of the class it never rests), or "open"."""
         if self.proved:
             return "rests"
         if self.refuted:
@@ -136,7 +135,7 @@ class DriveFriction:
 
     @property
     def within(self) -> float:
-        """How far the axis is from its rest in the end [m] or [rad], at most; zero where it rests, nan: unknown."""
+        """Proved largest distance from rest in the end [m] or [rad]; zero if the axis rests, nan if unknown."""
         if self.proved:
             return 0.0
         known = [self.error_bound, *(proof.settling_error for proof in self.proofs[:1])]
@@ -144,14 +143,14 @@ class DriveFriction:
 
     @property
     def K0_used(self) -> float:
-        """The largest presliding stiffness that a verdict is for [N/m]; nan where it is for any."""
+        """Largest presliding stiffness [N/m] for which the verdict holds; nan if it holds for any."""
         if self.assumed is None or self.bounded is not None:
             return np.nan
         return float(np.max(self.assumed.friction.K0))
 
     @property
     def delay(self) -> str:
-        """Delay and lag of the current loop together, as the traces show them; empty where they do not."""
+        """Sum of delay and lag of the current loop in the traces, as text; empty if the traces do not show it."""
         if self.fit is None or not np.isfinite(self.fit.stds["delay"]):
             return ""
         half = 1e3 * HALF_WIDTH * self.fit.stds["delay"]
@@ -159,18 +158,18 @@ class DriveFriction:
 
     @property
     def error_bound(self) -> float:
-        """Where the axis is in the end, from its rest [m] or [rad], with any friction up to `largest`; nan: unknown."""
+        """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; nan if unknown."""
         proofs = self.proofs if self.bounded is None else (self.bounded,)
         return max((proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)), default=np.nan)
 
     @property
     def hunts(self) -> bool:
-        """Whether the axis hunts in simulation."""
+        """True if the axis hunts in simulation."""
         return self.simulated is not None and self.simulated.hunts
 
     @property
     def headline(self) -> str:
-        """What the axis does with its friction, in a few words."""
+        """End of a sentence that begins with "the axis": its behaviour with friction."""
         if self.proved:
             return "rests, proved"
         if self.simulated is None:
@@ -180,9 +179,9 @@ class DriveFriction:
         return "comes to rest in simulation, which is no proof"
 
     def answers(self, unit: str, asked: float | None = None) -> dict[str, str]:
-        """Return whether the axis rests, within how much it stays, whether it hunts and what to change, by these words.
+        """Return texts for the questions "rests", "within", "hunts", "change" and "traces"; an answer may be empty.
 
-        unit : of the position. asked : distance from the rest that was asked for [m] or [rad].
+        unit : unit of the position. asked : required distance from rest [m] or [rad].
         """
         seen, rests, hunts, change = self.simulated, "", "", ""
         if self.proved:
@@ -197,9 +196,9 @@ class DriveFriction:
                 )
             hunts = f"yes, {seen.describe_swing()}" if seen.hunts else "not seen in simulation"
         if self.refuted:
-            rests += ". A friction of the class is proved to keep the axis from rest; this one may be another"
+            rests += ". One friction of the class is proved to keep the axis from rest; the real one may differ"
         if not self.proved and seen is not None and seen.hunts:
-            change = seen.advice or "none of the changes that were tried brings rest, or half the amplitude"
+            change = seen.advice or "none of the tried changes brings rest or halves the amplitude"
         elif self.cures:
             change = f"to prove more: {self.cures[0]}"
         distance, doubt = self.describe_distance(unit, asked), "" if self.force is None else self.force.contradiction
@@ -207,14 +206,14 @@ class DriveFriction:
 
     @property
     def largest_forces(self) -> str:
-        """The largest friction forces of the bounds, with their unit; empty where none is known."""
+        """Largest friction forces of the bounds, with their unit; empty if none is known."""
         proof = (*self.proofs, self.bounded)[0]
         if self.largest is None or proof is None:
             return ""
         return " and ".join(f"{own:.4g} {proof.units.force}" for own in np.atleast_1d(self.largest))
 
     def describe_rest(self) -> str:
-        """Say where a loop that is proved comes to rest."""
+        """Return where a proved loop comes to rest, as text."""
         rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
         if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
             stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
@@ -222,15 +221,17 @@ class DriveFriction:
         return rest
 
     def describe_distance(self, unit: str, asked: float | None) -> str:
-        """Say how far from its rest the axis is in the end, at most, and whether that is within what was asked for."""
+        """Return the largest distance from rest in the end as text, and whether it meets the required distance."""
         known = self.error_bound if self.proved and not self.has_integral else self.within
         distance, answer = f"at most {format_length(known, unit)} off, at rest or hunting: proved", ""
         if self.proved and self.has_integral:
             distance = "0: it rests at its set point"
         elif not np.isfinite(known):
-            distance = "not known" + ": --force F with the largest friction force bounds it" * (self.largest is None)
+            distance = "not known" + ": give the largest friction force, --force F, for a bound" * (
+                self.largest is None
+            )
         elif self.bounded is not None:
-            distance += f" of {self.bounded_machine}, friction up to {self.largest_forces}"
+            distance += f" for {self.bounded_machine}, friction up to {self.largest_forces}"
         elif self.largest is not None:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
@@ -238,12 +239,12 @@ class DriveFriction:
             far = np.nan if seen is None else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
             simulated = "; in simulation yes" if far <= asked else ""
             answer = "yes" if known <= asked else "no, as simulated" if far > asked else f"not proved{simulated}"
-            answer = f". Asked were {format_length(asked, unit)}: {answer}"
+            answer = f". Within {format_length(asked, unit)}: {answer}"
         return distance + answer
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """Return what was read of the friction and what is proved with it, then what was read without a law."""
+        """The sections of the page on friction: class and proof, then the friction for any law."""
         fit, bounded = self.fit, self.bounded
         table: tuple[tuple[str, ...], ...] = ()
         facts = [Fact("simulated", str(self.simulated or "")), Fact("not simulated", self.unsimulated)]
@@ -263,35 +264,35 @@ class DriveFriction:
         if bounded is not None:
             facts += [
                 Fact("bound", bounded.claim or bounded.reason),
-                Fact("bound of", self.bounded_machine, meaning=_BOUNDED_NOTE),
+                Fact("bound holds for", self.bounded_machine, meaning=_BOUNDED_NOTE),
                 Fact("not claimed", bounded.not_claimed),
             ]
-        lead = "What the traces show of the friction, and what is proved with it."
+        lead = "The friction in the traces, and the proof with it."
         law = Section("friction", "Friction", lead, facts=facts, table=table)
         if self.force is None:
             return (law,)
-        lead = "Read from the force that the axis leaves of its command: 95 % intervals, whatever the law of friction."
+        lead = "95 % intervals for any friction law, from the part of the commanded force that moves no mass."
         return law, Section("force", "Friction without a law", lead, facts=self.force.facts)
 
     def describe_scope(self) -> list[str]:
-        """Say where a proved loop rests, for which other machines and delays it is proved, and the force of a bound."""
+        """Return sentences on the place of rest, on machines and delays of the proof, and on the force of a bound."""
         rows = []
         if self.proved:
             two = self.fit is not None and self.fit.load_mass > 0
             added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
             ends = "motor, load and the spring between them" if two else "mass"
             rows = [
-                f"It rests {self.describe_rest()}. Proved also at both ends of {ends} and of viscous friction in the "
-                f"table{added} (at these values, not between them)."
+                f"It rests {self.describe_rest()}. The proof was repeated at both ends of {ends} and of viscous "
+                f"friction in the table{added}; it holds at these values, not between them."
             ]
         if self.largest is not None:
-            rows.append(f"The given force is {self.largest_forces}, as stated or the upper end of Fs.")
+            rows.append(f"The given force is {self.largest_forces}: that of --force, else the upper end of Fs.")
         return rows
 
 
 def _describe_reading(fit: FrictionFit) -> list[Fact]:
-    """Return which trace gives which number, by how stiff its friction is over K0, and what the reading leaves open."""
-    free = "" if fit.stds["stiffness"] else ", of a machine without a spring to ground"
+    """Return the facts on a fit: stiffness of the friction in each trace, class, numbers and open questions."""
+    free = "" if fit.stds["stiffness"] else ", for a machine without a spring to ground"
     levels = sorted(fit.levels, key=lambda level: level.force)
     stiff = ", ".join(
         f"{level.force:.3g} {fit.units[0]}: {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %" for level in levels
@@ -303,15 +304,15 @@ def _describe_reading(fit: FrictionFit) -> list[Fact]:
     return [
         Fact("read from", f"{len(levels)} traces at rest{free}"),
         Fact("sticks, bends, slides", stiff, meaning=_STIFFNESS_NOTE),
-        Fact("class read", f"Maxwell slip of {fit.element_stiffness.size} elements none of which {seen}"),
-        Fact("unexplained", f"{unexplained:.2g}", "%", "of the force at most, at any level"),
+        Fact("class read", f"Maxwell slip with {fit.element_stiffness.size} elements; none {seen}"),
+        Fact("unexplained", f"{unexplained:.2g}", "%", "largest unexplained share of the force over the levels"),
         *(Fact("open", str(question)) for question in fit.questions),
         Fact("scale", _FORCE_NOTE.format(unit=fit.units[0])),
     ]
 
 
 def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> tuple[tuple[str, ...], ...]:
-    """Return the table of what was read, what the proof assumes of it, and why; `known_delay` [s] is the drive's."""
+    """Return the table of numbers as read and as assumed by the proof; `known_delay` [s] is that of the settings."""
     delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
     assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(fit, assumed) | {"delay": delay}
     table: list[tuple[str, ...]] = [("number", "read (95 %)", "assumed", "why")]
@@ -327,12 +328,12 @@ def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay:
     return tuple(table)
 
 
-#: Of a force that the class does not limit.
+#: Entry for a force that the class does not limit.
 _UNLIMITED = "any", "no limit in class"
 
 
 def _assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
-    """Return what the proof assumes of each number of one mass, and why."""
+    """Return (value, reason) of the assumption of the proof on each number, for one mass."""
     (low, high), damping, friction = fit.interval("mass"), largest_damping(fit), assumed.friction
     assert isinstance(friction, AnyFriction)
     return {
@@ -347,7 +348,7 @@ def _assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, 
 
 
 def _assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
-    """Return what the proof assumes of each number of motor and load, and why."""
+    """Return (value, reason) of the assumption of the proof on each number, for motor and load."""
     friction, damping = assumed.friction, largest_damping(fit)
     assert isinstance(friction, FrictionAtPorts)
     stiffest = [format_plain(one.K0 / 1e3) for one in friction.ports]
@@ -386,11 +387,7 @@ def judge_friction(
     fit: FrictionFit | None = None,
     sliding: SlidingFit | None = None,
 ) -> DriveFriction:
-    """Read the friction from traces at rest, and prove the loop with it; the other parameters as of `check`.
-
-    records : force in, position out, each at rest.
-    actual : whether their input is the actual force, in which delay and lag of the settings do not show.
-    """
+    """Read the friction from traces at rest (force in, position out), and prove the loop; parameters as for `check`."""
     if fit is None:
         try:
             fit = _read_friction(records, spring=spring, masses=masses, sliding=sliding)
@@ -402,9 +399,9 @@ def judge_friction(
         return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":
         return DriveFriction(
-            fit=fit, note="motor and load are read from the encoder of the motor, and it is at the load"
+            fit=fit, note="motor and load can be read only with the encoder on the motor, and it is on the load"
         )
-    # the loop has delay and lag of the settings: the machine keeps what the traces show beyond them
+    # the loop has delay and lag of the settings, so the machine keeps only the delay beyond them
     known = 0.0 if actual else settings.delay + settings.lag
     read, *ends = (
         friction_behind_lag(replace(one, delay=max(0.0, fit.delay - known)), settings.lag)
@@ -420,7 +417,7 @@ def judge_friction(
     except ValueError as error:  # a delay that is too long to be proved
         return DriveFriction(fit=fit, note=str(error))
     if proofs[0].verdict is FrictionVerdict.PROVED:
-        # with friction at two places the bound takes longer than the proof
+        # with friction at two places the bound takes longer to compute than the proof
         at_ends = None if isinstance(friction, FrictionAtPorts) else largest
         proofs = (*proofs, *prove_all(ends, K, friction, delay=late, Fs=at_ends))
         proofs = tuple(sorted(proofs, key=lambda proof: proof.verdict is FrictionVerdict.PROVED))
@@ -443,9 +440,9 @@ def judge_friction(
 
 
 def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> np.ndarray:
-    """(2, N) position [m] and friction force [N] over the mean period of a record at rest, each from its mean.
+    """Return (2, N) position [m] and friction force [N] over the mean period of a record at rest, without their means.
 
-    Up to where a step of the encoder is small in the force.
+    Only frequencies at which a step of the encoder is small in the force are used.
     """
     return np.stack(friction_of_period(record, machine, edge_of_level(record, machine)))
 
@@ -453,9 +450,9 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 def bound_any_friction(
     machine: FrictionPlant, settings: Drive, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
-    """Return the bound of the error of a machine with any bounded friction, under its drive, wherever it acts.
+    """Return the bound of the error of a machine under its drive, with any bounded friction at any of its ports.
 
-    The bound is a sum over the forces at motor and load, so that it is largest with all of the friction at one of them.
+    The bound is a sum over the forces at motor and load, so it is largest if one of them has all of the friction.
     """
     K, behind = cascade(settings, output_unit=output_unit), friction_behind_lag(machine, settings.lag)
     ports = zip(
@@ -472,7 +469,7 @@ def bound_any_friction(
 
 
 def _largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
-    """Return the upper end of the break-away force; of motor and load one each."""
+    """Return the upper end of the break-away force; for motor and load one each."""
     if not fit.load_mass:
         return fit.interval("Fs")[1]
     return tuple(interval_at_port(fit, "Fs", port)[1] for port in ("motor", "load"))
@@ -481,13 +478,13 @@ def _largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
 def _read_friction(
     records: Sequence[nlfrf.Record], *, spring: bool, masses: int, sliding: SlidingFit | None = None
 ) -> FrictionFit:
-    """Read the friction from traces at rest; a ValueError says why it cannot be."""
+    """Read the friction from traces at rest; a ValueError has the reason if that is not possible."""
     if len(records) < _FEWEST_LEVELS:
         raise ValueError(
-            f"it takes traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
+            f"it needs traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
         )
     if records[0].u_unit == "A":
-        raise ValueError("it takes a force, and the gains have no torque_constant")
+        raise ValueError("it needs traces of a force, got a current: give the torque_constant of the drive")
     return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
 
 
@@ -499,7 +496,7 @@ def largest_added_delay(
     delay: float,
     period: float,
 ) -> float:
-    """Return the largest added delay [s] that was tried and with which every machine is proved, by bisection."""
+    """Return the largest additional delay [s] for which the proof of every machine holds, by bisection."""
 
     def proves(steps: int) -> bool:
         late = delay + steps * _ADDED_STEP * period
@@ -519,7 +516,7 @@ def largest_added_delay(
 
 
 def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
-    """Return a machine behind the lag of the current loop [s], its friction acting behind it too."""
+    """Return a machine with the lag of the current loop [s] between command and force; friction acts without lag."""
     if not lag:
         return machine
     n = machine.A.shape[0]

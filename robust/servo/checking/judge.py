@@ -1,8 +1,8 @@
-"""Gains of a drive checked against traces of its axis, on one page: set, worst case, friction, step.
+"""Check of the gains of a drive against traces of its axis: set, worst case, friction, step.
 
     u* -->[delay]-->[1/(lag s + 1)]-->[ machine ]--> y        delay and lag are those of the settings
 
-The machine is what a trace leaves once delay and lag are taken off, where its input is the set point of the current.
+If the input of a trace is the current set point, delay and lag are removed from it, and the rest is the machine.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ from robust.servo.checking.read import collect_warnings
 from robust.servo.checking.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.servo.gains.p_pi import cascade, with_set_point
 
-#: Why friction that creeps is not read as a class whose rest can be proved.
+#: Reason why creeping friction is not read as a class whose rest can be proved.
 _CREEP_NOTE = (
-    "the friction creeps below break-away, or is damped there, as LuGre, Dahl and hysteresis with micro-damping do: no "
-    "rest of such friction is proved"
+    "the friction creeps or is damped below break-away, like LuGre, Dahl and hysteresis with micro-damping: rest "
+    "cannot be proved with such friction"
 )
 
 
@@ -75,42 +75,42 @@ def check(
     fit: FrictionFit | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> DriveCheck:
-    """Check the gains of a drive against traces of its axis, one a level.
+    """Check the gains of a drive against traces of its axis.
 
-    The friction is read by `identify_friction` from the traces at rest, three levels or more; those whose condition is
-    not known count as at rest.
+    Use this before gains go into a drive. A trace in motion judges the linear loop. Traces at rest at three levels or
+    more show the friction. A trace with unknown conditions counts as at rest.
 
     Parameters
     ----------
     records : sequence of nlfrf.Record
-        From `read_trace`: set point of force or current in, position out.
+        From `read_experiments` or `read_traces`: set point of force or current in, position out.
     settings : Drive
         Gains, filters, sampling and units.
     names : sequence of str
-        Of the traces.
+        Names of the traces.
     actual : bool
-        Whether the input is the actual current or force, so that delay and lag are not in the traces.
+        True if the input is the actual current or force. The traces then do not contain delay and lag.
     conditions : sequence of Conditions
-        Under which each trace was recorded, from `read_experiments`; not known where not given.
+        Conditions of each trace, from `read_experiments`; unknown if not given.
     peak : float
-        Largest |S| over the set that is not warned of; 2 when not given.
+        Largest |S| over the set without a warning.
     stiction : float
-        Largest over smallest force of a slider; the upper end of what was read where that is more.
+        Largest over smallest force of a slider, or the upper end of the interval that was read if that is larger.
     Fs : float, optional
-        Largest friction force [N] or [Nm], for a bound of the error where the axis may not come to rest, and what
-        changes it; the upper end of the break-away force that was read when not given. Where no friction was read, the
-        bound is that of `any_bounded` around the linear model.
+        Largest friction force [N] or [Nm]. It gives a bound of the error if the axis may not come to rest. The default
+        is the upper end of the break-away force that was read. If no friction was read, the bound is that of
+        `any_bounded` around the linear model.
     spring : bool
-        Whether a spring to ground, such as a balancer, is part of the machine.
+        True if a spring to ground, such as a balancer, is part of the machine.
     masses : int
         2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
     within : float, optional
-        Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
+        Distance [m] or [rad] within which the axis must stay in the end; the page shows whether it does.
     fit : FrictionFit, optional
-        What was read from these traces at rest before, as `friction.fit` of a check of other gains: reading it again
-        takes seconds. `spring` and `masses` are then those of the fit.
+        `friction.fit` of a check of other gains with these traces, which saves the seconds of reading them again.
+        `spring` and `masses` are then those of the fit.
     progress : callable, optional
-        Called with the steps that are done, and their number.
+        Called as progress(done steps, all steps).
 
     Returns
     -------
@@ -120,8 +120,8 @@ def check(
     Raises
     ------
     ValueError
-        Two encoders; traces that make no model; a delay that is longer than in the traces; a fit in other units; a
-        largest friction force for a loop in A.
+        Two encoders; traces from which no model can be fitted; a delay that is longer than in the traces; a fit in
+        other units; a largest friction force for a loop in A.
 
     References
     ----------
@@ -176,8 +176,8 @@ def check(
         )
     friction = _with_notes(replace(friction, force=force), under, note)
     advance()
-    # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
-    with warnings.catch_warnings():  # what the set warns of stands on the page
+    # a free axis has poles below the band; `doubt_of_crossover` warns if they matter
+    with warnings.catch_warnings():  # the page shows the warnings of the set
         warnings.simplefilter("ignore", DesignWarning)
         machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
@@ -197,7 +197,7 @@ def check(
     kinds = {doubt.kind for doubt in doubts}
     misled = bool(kinds & {DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED})
     stable = report.nominally_stable or DoubtKind.CONTRADICTED in kinds
-    # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
+    # warnings of identifying a trace at rest count only if the set is made from it: friction has its own balance
     doubts += doubts_of_warnings(under, [warned[k] for k in moving or [chosen]])
     linear = machine.nominal if report.nominally_stable and not misled else None
     slides = stable and DoubtKind.AT_REST not in kinds
@@ -223,14 +223,14 @@ def check(
 def _require_units(
     settings: Drive, unit: str, *, within: float | None, Fs: float | None, fit: FrictionFit | None
 ) -> None:
-    """Refuse two encoders, and what is in no unit of the traces, whose force is in `unit`."""
+    """Refuse two encoders, and arguments that are not in the units of the traces, whose force is in `unit`."""
     if within is not None:
         require_positive("within", within)
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     if Fs is not None and require_positive("Fs", Fs) and unit == "A":
         raise ValueError(
-            f"Fs must be left out where traces and gains are in A and no torque_constant says how many {unit} that is, "
+            f"Fs must be left out where traces and gains are in A and no torque_constant converts it to {unit}, "
             f"got {Fs:g} {settings.force_unit}"
         )
     if fit is not None:
@@ -242,13 +242,13 @@ def _require_units(
 
 
 def _with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
-    """Return the friction with why some of it was not read; `note` is why not in motion."""
+    """Return the friction with the reasons why some of it was not read; `note` is the reason for traces in motion."""
     if friction.fit is None and under[0].unread:
         friction = replace(friction, note="; ".join(under[0].unread))
     if note:
         friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
-        friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+        friction = replace(friction, note=f"{friction.note}. For a trace in motion give its --design")
     return friction
 
 
@@ -261,10 +261,10 @@ def with_bound(
     Fs: float | None,
     unit: str,
 ) -> DriveFriction:
-    """Return the friction with a bound of the error, where its largest force is known and nothing better was proved.
+    """Return the friction with a bound of the error, if its largest force is known and nothing better was proved.
 
-    machine : the linear model; None where it does not judge these gains. The bound is then of what was read in motion,
-    where the axis slides in a loop that is stable. Fs : as given, else the upper end of what was read.
+    machine : the linear model; None if it cannot judge these gains. The bound then holds for the machine as read in
+    motion, if the axis slides in a stable loop. Fs : as given; the default is the upper end of the interval as read.
     """
     force = friction.force
     largest = Fs if Fs is not None or force is None else float(force.Fs[1])
@@ -275,31 +275,31 @@ def with_bound(
     plants, two = [], force is not None and force.load is not None
     if machine is not None and not two:
         plants = [(friction_plant(machine, position_unit=settings.base_unit), MODEL)]
-    if force is not None and slides:  # a fit may have modes that no bound can follow: then what the trace shows
+    if force is not None and slides:  # a fit may have modes that allow no bound; the machine as read in motion may
         read = plant_of_fit(force.sliding, encoder=settings.encoder)
         read = replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag))
         plants.append((read, READ if machine is not None else UNCERTIFIED))
     if not plants:
-        return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
+        return replace(friction, note=f"{friction.note}. No bound with the given force: there is no linear model")
     for one, whose in plants:
         try:
             bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
-        except ValueError as error:  # a delay that is too long for it
+        except ValueError as error:  # the delay is too long for the bound
             return replace(friction, note=f"{friction.note}. No bound: {error}".lstrip(". "))
         found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
         if np.isfinite(bounded.error_bound):
             return found
-    unknown = replace(friction, note=f"{friction.note}. No bound by what is read in motion: {bounded.reason}")
+    unknown = replace(friction, note=f"{friction.note}. No bound for the machine as read in motion: {bounded.reason}")
     return unknown if machine is None else found
 
 
 def _report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
-    """Return the report without what it must not say: advice on an unstable model, a verdict by a trace that misled."""
+    """Return the report without advice on an unstable model, and without a verdict from a trace that misleads."""
     if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
-        reason = f"{what}; but this trace cannot judge these gains, see the warning"
+        reason = f"{what}; but the trace cannot judge these gains, see the warning"
         return replace(report, verdict=Verdict.NOT_CERTIFIED, reason=reason, advice="")
-    # advice on a loop, lower the gain, is wrong for a kp that is too low
+    # the advice for a general loop is to lower the gain, which is wrong for a kp that is too low
     return report if report.nominally_stable else replace(report, advice="")
 
 
@@ -312,9 +312,9 @@ def simulate_drive(
     stable: bool,
     masses: int,
 ) -> DriveFriction:
-    """Return the friction with what the axis as read does in the end, by simulation, and what to change.
+    """Return the friction with a simulation of the axis as read, and with the change to make if it hunts.
 
-    stable : whether the linear loop is, by its model or as the traces ran in it.
+    stable : True if the linear loop is stable, by its model or because the traces were recorded in it.
     """
     force = None if friction.force is None else with_load(friction.force, friction.fit)
     reason = reason_against_simulation(force, settings, masses)
@@ -330,12 +330,12 @@ def simulate_drive(
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
-        return replace(friction, unsimulated=f"the integration came to its end in {found.ended} runs only")
+        return replace(friction, unsimulated=f"the integration succeeded in {found.ended} runs only")
     return replace(friction, simulated=with_advice(found, force, settings, keeps))
 
 
 def _count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
-    """Return what is to be called after each of so many steps; it says first that none is done.
+    """Return the function to call after each of `total` steps, and report that none is done yet.
 
     >>> advance = _count_steps(lambda done, total: print(done, "of", total), 2)
     0 of 2
@@ -353,14 +353,14 @@ def _count_steps(progress: Callable[[int, int], object] | None, total: int) -> C
 
 
 def _in_motion(under: Sequence[Conditions]) -> list[int]:
-    """Return which traces were recorded in motion."""
+    """Return the indices of the traces in motion."""
     return [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
 
 
 def _read_force(
     records: Sequence[nlfrf.Record], under: Sequence[Conditions], masses: int
 ) -> tuple[FrictionForce | None, str]:
-    """Return the friction without a law from traces in motion, and why there is none or no break-away force."""
+    """Return the friction for any law from traces in motion, and the reason if there is none or no break-away force."""
     moving = _in_motion(under)
     if not moving or records[0].u_unit == "A":
         return None, ""
@@ -374,7 +374,7 @@ def _read_force(
 
 
 def _step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
-    """Return the step of the position set point, through the loops of the drive."""
+    """Return the response to a step of the position set point, through the loops of the drive."""
     G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)

@@ -1,4 +1,4 @@
-"""The machine behind delay and lag of a drive: what a trace leaves once both are taken off, and its fit."""
+"""The machine without delay and lag of its drive: both are removed from a trace, and the rest is fitted."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.sets.orders import NEAR_BEST, UNDAMPED, doubtful_roots, scan_orders
 from robust.servo.gains.p_pi import cascade
 
-#: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
+#: Numbers of poles to try, two more than zeros: one mass, one mass with slipping friction, two masses, ...
 _ORDERS = range(2, 6)
 
 
-#: An unstable pole above this share of the last line is a lead, and no machine that falls over.
+#: Unstable poles above this fraction of the band are fitted to an over-compensated delay; the machine is not unstable.
 _LEAD = 0.3
 
 
-#: Largest change of G that a pole and a zero make which cancel.
+#: Largest relative change of G by a pole and a zero that count as cancelling.
 _CANCELLED = 0.05
 
 
-#: Periods of the drive by which a delay as read may be off: on 180 axes it was less.
+#: Largest error of a delay read from a trace, in periods of the drive: on 180 axes it was less.
 _DELAY_ERROR = 0.05
 
 
-#: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
+#: Gain of log-likelihood by an unstable pole that scatter alone exceeds once in a hundred times.
 _SURE = 3.32
 
 
-#: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
+#: Largest rise of the phase of a machine over the band, in turns. An antiresonance gives half a turn; a removed delay
+#: that is too long gives any number.
 _MOST_RISE = 0.75
 
 
@@ -53,16 +54,16 @@ _AGREE = 0.5
 def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tuple[nlfrf.Bla, NominalFit, Drive]:
     """Return the BLA of the machine, its fit, and the settings with a delay and lag that the trace does not refute.
 
-    What is taken off too much leaves a machine that leads. Where the best fit leads with all timings, as where a pole
-    and a zero above the band nearly cancel, the best one that does not lead is taken: the radius of the set holds what
-    it leaves.
+    If too much delay is removed, the rest leads: its phase rises. If the best fit leads with all timings (a pole and a
+    zero above the band may nearly cancel), the best fit without lead is used, and the radius of the set contains its
+    misfit.
 
-    timings : settings with the delays that are tried, in their order.
+    timings : settings with the delays to try, in this order.
     """
     not_leading, reason = [], ""
     for timing in timings:
         s, machine = 1j * bla.omega, bla
-        if not actual:  # delay and lag of the current loop are in the trace
+        if not actual:  # the trace contains delay and lag of the current loop
             machine = bla.times(np.exp(s * timing.delay) * (1 + s * timing.lag), output_unit=bla.output_units)
         late = "" if actual else _reason_of_late_settings(machine, timing)
         if late:
@@ -82,9 +83,10 @@ def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tu
 
 
 def timings_of(record: nlfrf.Record, settings: Drive, masses: int, *, slides: bool) -> list[Drive]:
-    """Return the settings, and with delay and lag as a trace shows them of an axis that slides, the likelier first.
+    """Return the settings as given, and with delay and lag read from a trace, the likelier first.
 
-    The lag is kept as far as there is so much, or that which the trace shows. slides : whether the axis is known to.
+    The lag of the settings is kept, except if the trace shows more delay in all, or less than this lag.
+    slides : True if the axis is known to slide in the trace.
     """
     numbers, stds = fit_linear(motion_of_record(record, 1), masses)
     late, std = numbers["delay"], stds["delay"]
@@ -93,31 +95,31 @@ def timings_of(record: nlfrf.Record, settings: Drive, masses: int, *, slides: bo
     later = late - settings.delay - settings.lag > max(HALF_WIDTH * std, _DELAY_ERROR * settings.dt)
     lag = min(max(settings.lag, numbers["lag"] if later else 0.0), late)
     traced = replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)
-    # the phase of a load is read as delay, too: 4 of 59 axes showed up to 0.8 periods more than they had
+    # the phase of a load looks like delay: 4 of 59 axes showed up to 0.8 periods more than they had
     return [traced, settings] if slides and later and masses == 1 else [settings, traced]
 
 
 def _reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:
-    """Why a delay is not that of the traces: what is left where it is too long is fitted by unstable poles."""
+    """Return the reason why a delay is too long for the traces: fast unstable poles; empty if there are none."""
     fast = machine.poles()[machine.poles().real > 0]
     fast = fast[np.abs(fast) > _LEAD * bla.omega[-1]]
     if not fast.size:
         return ""
     return (
         f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
-        f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
+        f"{1e3 * settings.lag:g} ms: with both removed the machine would lead its force, as with an unstable pole at "
         f"{format_hertz(float(np.abs(fast).max()))}"
     )
 
 
 def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, tuple[NominalFit, ...]]:
-    """Return the fit of a machine, and those of every order: stable, unless an unstable pole is more than scatter.
+    """Return the fit of a machine, and those of every order: stable, unless scatter does not explain an unstable pole.
 
-    Where scatter explains no fit, what the class misses is kept from the crossover of the loop with the gains.
+    If scatter explains no fit, the misfit is weighted away from the crossover of the loop with these gains.
 
-    A free axis has its pole at zero, and a few lines above it cannot tell on which side. A loop that is stable with the
-    one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept; one that a
-    zero cancels is fitted to a single line and is none of the machine, however much it is worth.
+    A free axis has a pole at zero, and scatter decides on which side of the axis it is fitted. The loop may be stable
+    with one and not with the other, so a stable fit is preferred. An unstable pole by friction that falls with speed is
+    kept. An unstable pole that a zero cancels is fitted to a single line, and is rejected however likely it is.
     """
     free, held = (
         scan_orders(machine, n_poles=_ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
@@ -136,15 +138,15 @@ def fit_orders(machine: nlfrf.Bla, K: control.StateSpace) -> tuple[NominalFit, t
         each = [
             one for one in each if not _cancels_unstable_pole(one.fit.G) and UNDAMPED not in doubtful_roots(one.fit)
         ]
-        if each:  # |S| is bounded over the set: one near the smallest, not the first that is small enough
+        if each:  # |S| is bounded over the set, so a radius near the smallest is needed, not just one below a limit
             least = min(float(one.loop_radius[0]) for one in each)
             best = next(one for one in each if one.loop_radius[0] <= NEAR_BEST * least)
             return best.fit, (*(one.fit for one in each), *scan.fits)
-    return replace(scan.fit, omega_c=omega_c), scan.fits  # the weight of the set is fitted for the crossover, too
+    return replace(scan.fit, omega_c=omega_c), scan.fits  # the weight of the set uses the crossover too
 
 
 def _cancels_unstable_pole(G: control.StateSpace) -> bool:
-    """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
+    """Return whether a zero z cancels an unstable pole p: both change G(jw) by at most |z - p| / Re p < 5 %.
 
     >>> s = control.tf("s")
     >>> _cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), _cancels_unstable_pole(control.ss(1 / (s - 1)))
@@ -155,11 +157,11 @@ def _cancels_unstable_pole(G: control.StateSpace) -> bool:
 
 
 def _reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
-    """Why a delay is too long: it turns the phase of what is left up by more than a machine can, or by a whole turn."""
+    """Return the reason why a delay is too long: the remaining phase rises too much over the band or between lines."""
     omega, steps = machine.omega, machine.G[1:] * machine.G[:-1].conj()
     widths = np.diff(omega)
     longest, period = settings.delay + settings.lag, 2 * np.pi / float(widths.min())
-    if longest >= period:  # a whole turn from line to line is none
+    if longest >= period:  # a whole turn from line to line does not show
         return (
             f"delay must be below {1e3 * period:.4g} ms, one over the distance of the lines, got "
             f"{1e3 * settings.delay:g} ms"
@@ -172,7 +174,8 @@ def _reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
         return ""
     return (
         f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
-        f"{1e3 * settings.lag:g} ms: without them the machine leads: its phase rises by {turns:.2g} turns over the band"
+        f"{1e3 * settings.lag:g} ms: with both removed the machine would lead its force, by a phase that rises by "
+        f"{turns:.2g} turns over the band"
     )
 
 

@@ -1,4 +1,4 @@
-"""Traces of a drive as records in the units of its velocity loop, and the conditions they were recorded under."""
+"""Traces of a drive as records in the units of its velocity loop, with the conditions of their recording."""
 
 from __future__ import annotations
 
@@ -20,24 +20,7 @@ from robust.servo.experiment.levels import AxisLevels, FrictionRegime, find_leve
 def read_trace(
     path: Path, settings: Drive, *, actual: bool = False, load: Callable[[Path], nlfrf.Record] = nlfrf.load_record
 ) -> nlfrf.Record:
-    """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current.
-
-    Parameters
-    ----------
-    path : Path
-        A measurement file as `nlfrf.load_record` reads it.
-    settings : Drive
-        Of the drive; a position without a unit is in its `position_unit`, an input without one in its output unit.
-    actual : bool
-        Whether the input is the actual current or force, measured behind the hold; a set point is held.
-    load : callable
-        `nlfrf.load_record` with its options.
-
-    Raises
-    ------
-    ValueError
-        Units that are none of a drive, a trace that is not sampled as the drive is.
-    """
+    """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current."""
     return _to_drive_units(load(path), settings, path, actual=actual)
 
 
@@ -48,24 +31,30 @@ def read_traces(
     actual: bool = False,
     load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
-    """Read traces of any origin: records, names and conditions for `check`, as `read_experiments` returns them.
+    """Read traces that were not designed by `robust.servo`: records, names and conditions for `check`.
+
+    Use `read_experiments` for traces with a design, because only a design shows gains and motion of the recording.
 
     Parameters
     ----------
     traces : sequence of Path
-        One file a level.
-    settings, actual, load
-        As for `read_trace`.
+        Files, one for each level.
+    settings : Drive
+        The drive. A position without a unit is in its `position_unit`, an input without a unit in its output unit.
+    actual : bool
+        True if the input is the actual current or force, which is measured behind the hold. A set point is held.
+    load : callable
+        `nlfrf.load_record` with its options.
 
     Returns
     -------
     records, names, conditions : list
-        As from `read_experiments`; the conditions are not known.
+        As from `read_experiments`, with unknown conditions.
 
     Raises
     ------
     ValueError
-        As `read_trace`.
+        Units that do not fit the drive, or another sampling frequency than that of the drive.
 
     Examples
     --------
@@ -90,9 +79,9 @@ def read_traces(
 
 @contextmanager
 def collect_warnings(name: str) -> Iterator[list[str]]:
-    """Collect what data of that name are warned of meanwhile, and pass every warning on.
+    """Collect the data warnings of a block, each with a name in front, and pass every warning on.
 
-    That friction at rest makes another force than the design expects is left out: no verdict depends on it.
+    A `LevelWarning` is not collected: at rest friction changes the force, and no verdict depends on that.
     """
     texts: list[str] = []
     try:
@@ -123,29 +112,33 @@ def read_experiments(
     Parameters
     ----------
     traces : sequence of Path
-        One file a realisation.
+        Files, one for each realisation.
     designs : sequence of nlfrf.signals.AxisExperiment
-        One for all traces, or that of each trace, in their order.
-    settings, actual
-        As for `read_trace`.
+        One design for all traces, or one for each trace, in the order of the traces.
+    settings : Drive
+        The drive. A position without a unit is in its `position_unit`, an input without a unit in its output unit.
+    actual : bool
+        True if the input is the actual current or force, which is measured behind the hold. A set point is held.
     n_levels : int
-        Levels to take of a pre-test, from sticking to sliding; motor and load need more than three.
-    u, y, fs, start : as for `nlfrf.io.load_trace`.
+        Number of levels to take from a pre-test, from sticking to sliding; motor and load need more than three.
+    u, y, fs, start
+        As for `nlfrf.io.load_trace`.
 
     Returns
     -------
     records : list of nlfrf.Record
-        Each direction of a base motion, the levels of a pre-test, or the one at rest.
+        One for each direction of a base motion, one for each level of a pre-test, or the one at rest.
     names : list of str
-        What each is called.
+        Name of each record: its file, with direction or level.
     conditions : list of Conditions
-        Under which it was recorded, by its design.
+        Gains and motion during each recording, by its design.
 
     Raises
     ------
     ValueError
-        Traces that are more or fewer than those of the designs; pre-tests only, which do not show three levels; as
-        `read_trace` and `nlfrf.io.load_trace`.
+        A number of traces that does not fit the designs; pre-tests only, none of which shows three levels; units or a
+        sampling frequency that do not fit the drive; the errors of `nlfrf.io.load_trace`.
+
     Examples
     --------
     >>> import tempfile
@@ -162,7 +155,7 @@ def read_experiments(
     >>> names[0], conditions[0].motion
     ('trace.csv forward', 'in motion')
     """
-    if len(designs) == len(traces):  # that of each trace: of an experiment of several realisations once
+    if len(designs) == len(traces):  # one for each trace: keep one for each experiment with several realisations
         of_trace, designs = list(designs), []
         while of_trace:
             designs.append(of_trace[0])
@@ -171,8 +164,8 @@ def read_experiments(
     repeats = len(traces) // counts[0] if len(designs) == 1 else 1
     if sum(counts) * repeats != len(traces):
         raise ValueError(
-            f"design must be one for all traces, or that of each trace, got {len(designs)} of {sum(counts)} "
-            f"realisations in all, and {len(traces)} traces"
+            f"design must be one for all traces, or one for each, got {len(designs)} designs with {sum(counts)} "
+            f"realisations in all for {len(traces)} traces"
         )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     levels_at_rest: list[nlfrf.Record] = []
@@ -192,7 +185,7 @@ def read_experiments(
         records += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        strokes = list(design.groups.values())  # those of one direction are realisations of one record
+        strokes = list(design.groups.values())  # strokes in one direction are realisations of one record
         speeds = [design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0 for one in strokes[: len(found)]]
         gains = compare_gains(design, settings)
         conditions += [Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds]
@@ -203,7 +196,7 @@ def read_experiments(
 
 
 def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
-    """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
+    """Return the indices of the levels to read: the three named ones, or more from the lowest of these to the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
     states = FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
@@ -214,7 +207,7 @@ def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
 
 
 def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> RecordedGains:
-    """Compare the gains an experiment was designed for with these; unknown where kp cannot be converted to A."""
+    """Compare the gains with those of a design; the result is UNKNOWN if kp cannot be converted to A."""
     try:
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
@@ -224,11 +217,11 @@ def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> Reco
 
 
 def _to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool) -> nlfrf.Record:
-    """Return a record in the units of the velocity loop; the errors and units are those of `read_trace`."""
+    """Return a record in the units of the velocity loop, with the defaults and errors of `read_traces`."""
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(
             f"trace must be sampled as the velocity loop is, at {settings.fs:g} Hz, got {path.name} at {record.fs:g} "
-            "Hz: trace every period, as what lies between decimated samples is lost"
+            "Hz: trace every period, because decimation loses the samples between"
         )
     base, force = settings.base_unit, settings.force_unit
     kind, factor = POSITIONS.get(record.y_unit, ("", 1.0))

@@ -1,6 +1,6 @@
-"""An axis as it was read, run under its drive with the laws of friction that its records leave: it rests, or it hunts.
+"""Simulation of the identified axis under its drive, with every friction law that the records do not refute.
 
-What is simulated is not proved: another history, or friction of another law, may do otherwise.
+A simulation proves nothing: with another history or another friction law the axis may behave otherwise.
 """
 
 from __future__ import annotations
@@ -22,30 +22,32 @@ Law: TypeAlias = (
     "nlfrf.friction.Coulomb | nlfrf.friction.VaryingSliders | nlfrf.friction.Dahl | nlfrf.friction.LuGre "
     "| nlfrf.friction.Leuven"
 )
-#: Laws of friction that are tried; Leuven with an exponential virgin curve.
+#: Friction laws to try; Leuven has an exponential virgin curve.
 _LAWS = ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
-#: Those that take no shorter steps where friction is stiff.
+#: Laws that need no shorter integration steps if the friction is stiff.
 _STIFF = ("rigid", "Maxwell slip or GMS")
-#: Runs, the laws in turn. With the same numbers rigid friction, Maxwell slip and LuGre hunted by the same amplitude to
-#: 8 %, Leuven by up to 19 % less and in fewer runs, on ten axes that hunt (benchmarks/bench_stranger.py).
+#: Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and LuGre with the same
+#: numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and in fewer runs
+#: (benchmarks/bench_stranger.py).
 RUNS = 12
-#: Velocity over which stiction falls [m/s] or [rad/s] where records do not show it: what Armstrong-Hélouvry reports.
+#: Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that Armstrong-Hélouvry reports.
 _STRIBECK_VELOCITY = (5e-4, 5e-2)
-#: Deflections at which elements of Maxwell slip begin to slip, over their mean.
+#: Deflections at which the elements of Maxwell slip begin to slip, over their mean.
 _DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
-#: A mass that would swing on its friction above this share of the sampling frequency swings there: for the drive
-#: stiffer friction is the same, and where the encoder leaves the stiffness open it is at most that.
+#: Upper limit for the resonance of the mass on its friction, over the sampling frequency. A drive cannot tell stiffer
+#: friction from it, so it also bounds a stiffness that the encoder does not resolve.
 _STIFFEST = 0.25
-#: Moves of the set point, each for a time, then a hold: in reset times of the velocity loop. The last share counts.
+#: Number of moves of the set point; time of each move, and of the hold after them, in reset times of the velocity loop;
+#: share at the end of the hold that is evaluated.
 _MOVES, _MOVE, _HOLD, _LAST = 3, 15.0, 250.0, 0.25
-#: Swing in the end above which the axis hunts, over the way on which the position loop asks for Coulomb friction. One
-#: of that size takes about 1/0.02 reset times to wind up.
+#: Peak-to-peak motion above which the axis hunts, over the position error whose force command is Coulomb friction. At
+#: that size the integral takes about 1/0.02 reset times to wind up.
 _SWINGS = 0.02
-#: Runs that hunt from which the axis hunts, a third of them: fewer are at an end of several intervals at once. Of 23
-#: axes that hunt and 32 that rest (benchmarks/bench_stranger.py), 2 runs named 23 and 10 as hunting, 4 runs 23 and 5,
-#: 6 runs 18 and 1.
+#: Number of hunting runs from which the axis counts as hunting, a third of all: fewer runs have several numbers at an
+#: end of their intervals. Among 23 axes that hunt and 32 that rest (benchmarks/bench_stranger.py), a limit of 2 runs
+#: calls 23 and 10 of them hunting, 4 runs 23 and 5, 6 runs 18 and 1.
 FEWEST = 4
-#: Changes of a drive that are tried against hunting, the mildest first: gain, and factor on it.
+#: Changes of a drive to try against hunting, the mildest first: gain, and factor on it.
 _CHANGES = (
     ("tn", 1.5),
     ("kv", 2 / 3),
@@ -57,29 +59,29 @@ _CHANGES = (
     ("tn", np.inf),
 )
 
-#: Distance [m] or [rad] below which a simulation is at its set point.
+#: Distance [m] or [rad] below which a simulated axis counts as at its set point.
 SHOWN = 1e-9
 _KEPT = "the linear loop passes with it"
 
 
 @value(in_sentences=True)
 class SimulatedRest:
-    """What an axis does in the end, in simulations of it.
+    """Simulated runs of an axis under its drive, and whether it rests or hunts at their end.
 
     Fields
     ------
     laws : tuple of str
-        Of the friction, none of which the records refute. Bristles too stiff for the encoder are run as rigid friction.
+        Friction laws not refuted by the records. Bristles too stiff for the encoder are simulated as rigid friction.
     amplitudes : (runs,) ndarray
-        Half the swing in the end [m] or [rad]; zero where the axis rests, nan where the integration came to no end.
+        Half the peak-to-peak motion at the end [m] or [rad]; zero at rest, nan if the integration failed.
     periods : (runs,) ndarray
-        Of the swing [s]; nan where it rests.
+        Period of the motion [s]; nan at rest.
     unit : str
-        Of the position.
+        Unit of the position.
     offsets : (runs,) ndarray or None
-        Largest distance from the set point in the end [m] or [rad].
+        Largest distance from the set point at the end [m] or [rad].
     advice : str
-        The mildest change of the drive that was found to help; empty of an axis that rests, and where none was found.
+        The mildest change of the drive that helps; empty if the axis rests, or if no change helps.
 
     References
     ----------
@@ -95,29 +97,29 @@ class SimulatedRest:
 
     @property
     def hunts(self) -> bool:
-        """Whether the axis moves for ever in several runs."""
+        """True if the axis moves for ever in `FEWEST` runs or more."""
         return self.count >= FEWEST
 
     @property
     def count(self) -> int:
-        """How many runs hunt."""
+        """Number of runs that hunt."""
         return int(np.count_nonzero(self.amplitudes > 0))
 
     @property
     def ended(self) -> int:
-        """How many runs came to their end."""
+        """Number of runs without a failed integration."""
         return int(np.count_nonzero(np.isfinite(self.amplitudes)))
 
     @property
     def amplitude(self) -> float:
-        """The median amplitude of the runs that hunt [m] or [rad]; zero where none does."""
+        """Median amplitude of the runs that hunt [m] or [rad]; zero if none hunts."""
         return float(np.median(self.amplitudes[self.amplitudes > 0])) if self.count else 0.0
 
     def __str__(self) -> str:
         ended, laws = self.ended, ", ".join(self.laws)
-        of = f"{ended} runs from random moves, with friction as read ({laws}); nothing is proved by that"
+        of = f"{ended} runs from random moves, with friction as read ({laws}); a simulation proves nothing"
         if ended < self.amplitudes.size:
-            of += f"; {self.amplitudes.size - ended} more came to no end"
+            of += f"; {self.amplitudes.size - ended} more failed"
         does = f"rests in {ended - self.count if self.count else 'all'}"
         if self.hunts:
             does = f"hunts {self.describe_swing()}, in {self.count}"
@@ -125,27 +127,26 @@ class SimulatedRest:
 
     @property
     def offset(self) -> float:
-        """Return the largest distance from the set point in the end [m] or [rad]; nan where none is known."""
+        """Largest distance from the set point at the end [m] or [rad]; nan if none is known."""
         known = np.zeros(0) if self.offsets is None else self.offsets[np.isfinite(self.offsets)]
         return float(known.max()) if known.size else np.nan
 
     def describe_end(self) -> str:
-        """Say how far from the set point the runs end."""
+        """Return a clause with the largest distance from the set point at the end; empty if unknown."""
         if not np.isfinite(self.offset):
             return ""
         far = format_length(max(self.offset, SHOWN), self.unit)
         return f"; in the end {'less than' if self.offset < SHOWN else 'at most'} {far} off the set point"
 
     def describe_swing(self) -> str:
-        """Say by how much it hunts, and how often."""
+        """Return amplitude and period of the hunting as text."""
         return f"by +-{format_length(self.amplitude, self.unit)}, once in {float(np.nanmedian(self.periods)):.2g} s"
 
 
 def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
-    """Return the laws of friction that the records leave.
+    """Return the friction laws not refuted by the records.
 
-    Rigid friction has no stiffness that an encoder could resolve, and neither it nor Maxwell slip creeps; Dahl's has no
-    stiction.
+    A resolved stiffness refutes rigid friction, creep refutes rigid friction and Maxwell slip, stiction refutes Dahl.
     """
     refuted = {
         "rigid": force.creeps or bool(np.isfinite(force.K0[1])),
@@ -156,13 +157,13 @@ def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
 
 
 def reason_against_simulation(force: FrictionForce | None, settings: Drive, masses: int = 1) -> str:
-    """Why an axis is not simulated; empty where it is."""
+    """Return the reason why an axis is not simulated; empty if it is."""
     if masses > 1 and (force is None or force.load is None):
-        return "motor and load were not read apart"
+        return "motor and load were not separated"
     if force is None or not np.isfinite(force.Fs).all():
         return "the break-away force is not known"
     if settings.velocity_from == "observer" or settings.encoder != "motor":
-        return "only a drive with the encoder on the motor and a velocity from differences is simulated"
+        return "the simulation takes only a drive with the encoder on the motor and a velocity from differences"
     if not settings.kv:
         return "without a position loop the axis has no set point to rest at"
     return ""
@@ -175,22 +176,11 @@ def simulate_rest(
     order: Sequence[int] = range(RUNS),
     most: float = np.inf,
 ) -> SimulatedRest:
-    """Run an axis from random moves into a hold, with numbers drawn from their intervals.
+    """Simulate an axis in random moves and a final hold, with numbers drawn from their intervals.
 
-    Parameters
-    ----------
-    force : FrictionForce
-        Machine and friction as read, in N and m or in Nm and rad.
-    settings : Drive
-        The drive, in the same units.
-    order : sequence of int
-        The runs, below `RUNS`. Their draws are the same for every drive: two drives differ by their gains alone.
-    most : float
-        Amplitude [m] or [rad] above which no more is run.
-
-    Returns
-    -------
-    SimulatedRest
+    force : machine and friction as read, in the units of the drive (N and m, or Nm and rad).
+    order : indices of the runs, below `RUNS`. All drives get the same draws, so two drives differ by their gains alone.
+    most : amplitude [m] or [rad] above which the simulation stops.
     """
     from scipy.stats import qmc
 
@@ -207,7 +197,7 @@ def simulate_rest(
 
 
 def _run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
-    """Return amplitude [m], period [s] and offset [m] of one run, by (4 + MOVES,) draws between zero and one."""
+    """Return amplitude [m], period [s] and offset [m] of one run, for (4 + MOVES,) draws between zero and one."""
     axis, oversampling = _draw_axis(law, force, settings, draws[:4])
     way = _coulomb_of(force) / (_gain_in_force(settings) * settings.kv)
     reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
@@ -227,7 +217,7 @@ def _run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.n
 
 
 def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
-    """Return the friction with the load as the levels show it, where they show motor, load and the spring between."""
+    """Return the friction with its load, if the fit of the levels has motor, load and the spring between them."""
     if fit is None or not fit.load_mass or not force.sliding.mass > fit.load_mass:
         return force
     if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():
@@ -237,7 +227,7 @@ def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
 
 
 def _draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
-    """Return the axis with friction of a law by (4,) draws, and the steps a period it takes."""
+    """Return the axis with a friction law for (4,) draws, and the number of integration steps in a period."""
     friction, steps = _draw_friction(law, force, settings, draws)
     motion = "linear" if settings.base_unit == "m" else "rotary"
     damping = max(0.0, force.sliding.damping)
@@ -266,12 +256,12 @@ def _draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarra
 
 
 def _coulomb_of(force: FrictionForce) -> float:
-    """Coulomb friction [N], at most the break-away force."""
+    """Return the Coulomb friction [N], at most the break-away force."""
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
 def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
-    """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
+    """Return a friction law with numbers from their intervals for (4,) draws, and the integration steps in a period."""
     Fc = _coulomb_of(force)
     Fs = max(force.Fs[0], Fc) ** (1 - draws[0]) * force.Fs[1] ** draws[0]
     stiffest = force.sliding.mass * (2 * np.pi * _STIFFEST * settings.fs) ** 2
@@ -279,7 +269,7 @@ def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.nd
     K0 = low * (high / low) ** draws[1]
     slowest, fastest = np.where(np.isnan(force.stribeck), _STRIBECK_VELOCITY, force.stribeck)
     vs = min(slowest, fastest) ** (1 - draws[2]) * fastest ** draws[2]
-    # what slips at the lowest levels looks like damping, too: bristles that damp by more than half of critical are none
+    # slip at the lowest levels looks like damping, so the damping of the bristles is at most half of the critical one
     damping = draws[3] * np.fmin(force.bristle_time, np.sqrt(force.sliding.mass / K0)) * K0
     if law == "rigid":
         return nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=vs), 1
@@ -287,7 +277,7 @@ def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.nd
         k = np.full(_DEFLECTIONS.size, K0 / _DEFLECTIONS.size)
         strength = Fs * _DEFLECTIONS / _DEFLECTIONS.sum()
         return nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs), 1
-    # bristles relax with K0 |v| / Fc while they slip; the fastest move has this v
+    # bristles relax at the rate K0 |v| / Fc while they slip; the fastest move has this v
     speed = 3 * Fc / _gain_in_force(settings)
     steps = int(np.ceil(K0 * speed / Fc / settings.fs))
     if law == "Dahl":
@@ -299,7 +289,7 @@ def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.nd
 
 
 def _gain_in_force(settings: Drive) -> float:
-    """Return the gain of the velocity loop with a force in the place of its current [N s/m] or [Nm s/rad]."""
+    """Return the gain of the velocity loop in terms of force [N s/m] or [Nm s/rad]."""
     return settings.gain * settings.output_factor(settings.force_unit)
 
 
@@ -308,7 +298,7 @@ def with_advice(
 ) -> SimulatedRest:
     """Return the result with the mildest change of the drive that brings rest, or else halves the amplitude.
 
-    keeps : whether the verdict of the linear loop is as good with a drive.
+    keeps : function that returns whether the linear loop passes with a drive.
     """
     halved, most = "", found.amplitude / 2
     order = np.argsort(-found.amplitudes, kind="stable").tolist()
@@ -329,7 +319,7 @@ def with_advice(
 
 
 def _describe_offset(force: FrictionForce, settings: Drive) -> str:
-    """Say how far from its set point an axis may rest without an integral part."""
+    """Return a clause with the largest distance of rest from the set point; empty with an integral part."""
     if np.isfinite(settings.tn):
         return ""
     way = float(force.Fs[1]) / (_gain_in_force(settings) * settings.kv)
@@ -337,7 +327,7 @@ def _describe_offset(force: FrictionForce, settings: Drive) -> str:
 
 
 def _format_gain(name: str, number: float, settings: Drive) -> str:
-    """Return a gain with its unit."""
+    """Return a gain with its unit; a reset time is in ms."""
     if name == "tn":
         return f"{1e3 * number:.4g} ms" if np.isfinite(number) else "none (no integral action)"
     return f"{number:.4g} {settings.kp_unit if name == 'kp' else '1/s'}"

@@ -12,29 +12,20 @@ from nlfrf._base.files import parse_toml, to_path
 from nlfrf._base.units import parse_quantity
 from nlfrf.rig import Drive, ServoAxis
 
-#: Entry -> kind of quantity of a linear and of a rotary axis.
+#: Entry -> kind of quantity for a linear and for a rotary axis.
 _AXIS_KINDS = {
     **dict.fromkeys(("motor_inertia", "load_inertia"), ("mass", "inertia")),
     **dict.fromkeys(("motor_damping", "load_damping", "damping"), ("linear damping", "rotary damping")),
     **dict.fromkeys(("stiffness", "spring"), ("linear stiffness", "rotary stiffness")),
     "resolution": ("length", "angle"),
 }
-#: Fields of an axis that no entry can hold.
+#: Fields of an axis that cannot be given in a file.
 _LAWS = ("motor_friction", "load_friction")
 
 
 def load_axis(path: str | os.PathLike[str]) -> ServoAxis:
     """Read an axis without friction: the fields of `ServoAxis`, and those of `Drive` in a section [drive].
 
-    Raises
-    ------
-    ValueError
-        A file that is no TOML; an entry that is not known or missing; a unit that does not fit.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
     >>> import tempfile
     >>> text = 'motor_inertia = "7 kg"\\n[drive]\\nfs = 4000\\nkv = 30\\nkp = 33\\ntn = "30 ms"\\ntorque_constant = 125'
     >>> with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:

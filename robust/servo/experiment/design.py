@@ -1,4 +1,4 @@
-"""The design of an experiment on a running drive: a spectrum of force behind the loop, within limits."""
+"""Design of an experiment on a running drive: a multisine that gives a wanted spectrum of force, within limits."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from nlfrf.rig import ServoAxis, run
 from nlfrf.signals import AxisExperiment, AxisLimits
 from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
 
-#: A drive with a rough machine, alone or with a measured FRF in place of that of the machine; a record.
+#: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
-#: Most error of a double pole at one by rounding, which is the root of that of the numbers.
+#: Largest error of a double pole at one by rounding: the square root of the rounding of its numbers.
 _ROUNDING_OF_POLES = 1e-6
-#: Factor by which the crossover lies outside the band where it is warned of: closer, a model may still reach it.
+#: Factor by which the crossover lies outside the band if a warning is due: a model may still reach a closer one.
 _FAR = 2.0
 
 
@@ -42,34 +42,34 @@ def design_experiment(
     n_periods: int = 2,
     n_discard: int = 2,
 ) -> AxisExperiment:
-    """Design a multisine for a set point of a running drive that gives a wanted spectrum of force behind the loop.
+    """Design a multisine for a set point of a running drive, such that the force set point has a wanted spectrum.
 
-    The force set point is the input that `identify` needs. The set point to play is the wanted spectrum over the
-    transfer from port to force. That transfer is computed from the gains of the drive and a plant, or it was measured
-    with a first multisine of low level at the same port. Friction is no part of a computed one: where the axis sticks,
-    design again from the first record.
+    Use this to identify an axis whose loop stays closed. The input of the BLA is the force set point behind the loop,
+    so the set point to play is the wanted spectrum over the transfer from the port to the force. This transfer is
+    computed from the gains and a rough plant, or measured by a first multisine of low level at the same port. The
+    computed one contains no friction: if the axis sticks, design again from the first record.
 
     Parameters
     ----------
     source : ServoAxis, Record, or pair of ServoAxis and Bla
-        Drive with its gains and a rough machine, of which the friction counts for `peak_force` only; in place of that
-        of the rough machine, an FRF from force set point to position. Or a record at the same port with its reference
-        r, as `load_trace` gives it.
+        Drive with its gains and a rough machine, whose friction is used for `peak_force` only. A `Bla` from force set
+        point to position replaces the FRF of the rough machine. Or a record at the same port with its reference r, as
+        `load_trace` returns it.
     ms : Multisine
-        What is wanted of the force set point: band, phases, and a spectrum whose level does not count. Of the sampling
-        frequency of the drive, or of the record. Each of its M realisations is a file to play.
+        Band, phases and spectrum of the force set point; its level is not used. It has the sampling frequency of the
+        drive or of the record. Each of its M realisations is a file to play.
     rms : float, optional
-        Root mean square of the force set point, in its unit. The largest that the limits allow, when not given.
+        Root mean square of the force set point, in its unit. The default is the largest within the limits.
     port : str
-        Set point that the multisine is added to: "position", "velocity" or "force".
+        Set point to which the multisine is added: "position", "velocity" or "force".
     limits : AxisLimits, optional
-        What force, velocity and travel must not pass, base motion included.
+        Largest force, velocity and travel, including the base motion.
     base_velocity : float
-        Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero: at rest.
+        Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero for an axis at rest.
     strokes : int
-        Strokes there and back, each of n_discard + n_periods periods; zero: one long way.
+        Strokes forth and back, each of n_discard + n_periods periods; zero for one long stroke.
     n_periods, n_discard : int
-        Periods that are kept of each stroke, and periods before them.
+        Periods to keep of each stroke, and periods before them.
 
     Returns
     -------
@@ -78,14 +78,13 @@ def design_experiment(
     Raises
     ------
     ValueError
-        A level, or a base motion, that passes a limit (with the largest level that fits); a multisine that would turn
-        the base motion round; neither a level nor limits; a source that does not fit; a multisine of another sampling
-        frequency.
+        A level or a base motion beyond a limit; a multisine that would reverse the base motion; neither a level nor
+        limits; a source that does not fit; a multisine with another sampling frequency.
 
     Warns
     -----
     DataWarning
-        Of a drive with its rough machine: a loop that is unstable, or crosses over far outside the band; a `tn` above
+        For a drive with a rough machine: a loop that is unstable, or crosses over far outside the band; a `tn` above
         the period.
 
     References
@@ -106,7 +105,7 @@ def design_experiment(
     base_velocity = require_real("base_velocity", base_velocity)
     strokes = require_integer("strokes", strokes, least=0)
     if strokes and not base_velocity:
-        raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
+        raise ValueError(f"base_velocity must not be zero with strokes, got zero with {strokes} strokes")
     directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
     wanted = _wanted_force(source, ms)
     if isinstance(source, ServoAxis):
@@ -129,35 +128,35 @@ def design_ramp(
 ) -> AxisExperiment:
     """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away to sliding.
 
-    `find_levels` reads from its trace which three levels to take. Levels rise in equal ratios, from `rms` / `span` on,
-    and each is held for a few periods. A drive that watches the limits may stop it early: whole levels are read.
+    Use this to find the levels at which friction sticks, bends and slides; `find_levels` reads them from its trace.
+    The levels rise in equal ratios from `rms` / `span`, and each is held for a few periods. If a drive stops at a
+    limit, the complete levels before it are read.
 
     Parameters
     ----------
     source, port, limits
-        As in `design_experiment`.
+        As for `design_experiment`.
     ms : Multisine
-        As in `design_experiment`, of one realisation; the band and the spectrum should be those of the experiment to
-        come.
+        As for `design_experiment`, with one realisation. Band and spectrum should be those of the later experiments.
     rms : float, optional
-        Force set point of the highest level once the axis slides, in its unit. The largest that the limits allow, when
-        not given.
+        Rms of the force set point at the highest level once the axis slides, in its unit. The default is the largest
+        within the limits.
     n_levels : int
-        Levels.
+        Number of levels.
     span : float
         Highest over lowest level.
     n_periods, n_discard : int
-        Periods that are kept of each level, and periods before them.
+        Periods to keep of each level, and periods before them.
 
     Returns
     -------
     AxisExperiment
-        Of one realisation.
+        With one realisation.
 
     Raises
     ------
     ValueError
-        As `design_experiment`.
+        The errors of `design_experiment`; fewer than four levels; several realisations.
 
     References
     ----------
@@ -182,7 +181,7 @@ def design_ramp(
 
 
 class _Segments(NamedTuple):
-    """Base velocity and amplitude of each segment (S,), the periods of each that are kept, and those before them."""
+    """Base velocity and relative level of each segment (S,), periods to keep of each, and periods before them."""
 
     velocities: np.ndarray
     gains: np.ndarray
@@ -199,12 +198,12 @@ class _Motion(NamedTuple):
 
 
 def _wanted_force(source: Source, ms: Multisine) -> Multisine:
-    """Return the multisine that is wanted of the force, at an rms of one."""
+    """Return the wanted multisine of the force, with an rms of one."""
     origin = source[0] if isinstance(source, tuple) else source
     require_kind("source", origin, ServoAxis, Record)
     require_kind("ms", ms, Multisine)
     if not ms.is_single:
-        raise ValueError(f"ms must be of one input, got one of {ms.n_inputs}")
+        raise ValueError(f"ms must have one input, got {ms.n_inputs}")
     fs = origin.drive.fs if isinstance(origin, ServoAxis) else origin.fs
     if abs(ms.fs / fs - 1) > 1e-9:
         raise ValueError(f"ms must be sampled as the source is, at {fs:g} Hz, got {ms.fs:g} Hz")
@@ -212,13 +211,13 @@ def _wanted_force(source: Source, ms: Multisine) -> Multisine:
 
 
 def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
-    """Warn of a loop that is unstable, or of which the band and the period of the experiment show little."""
+    """Warn of a loop that is unstable, or does not fit the band and the period of the experiment."""
     drive = axis.drive
     gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} {drive.kp_unit} and tn = {drive.tn:g} s"
     if np.abs(closed_loop_poles(axis)).max() > 1 + _ROUNDING_OF_POLES:
         data_warning(
-            f"the loop of this axis with {gains} is unstable without friction: peaks and set points computed here mean "
-            "nothing. Look up the units of the gains, of torque_constant and of the inertia"
+            f"the loop of this axis with {gains} is unstable without friction: the computed peaks and set points are "
+            "wrong. Check the units of the gains, of torque_constant and of the inertia"
         )
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
@@ -226,13 +225,13 @@ def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
         where = "nowhere" if np.isnan(crossover) else f"at {crossover:.3g} Hz"
         data_warning(
             f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to {last:g} Hz: a trace "
-            "says nothing of its margins. Take a band around the crossover, or look up the units of the gains"
+            "cannot show its margins. Take a band around the crossover, or check the units of the gains"
         )
     period = wanted.n_samples / wanted.fs
     if period < drive.tn < np.inf:
         data_warning(
-            f"tn = {drive.tn:g} s is longer than the period of {period:g} s: nothing of the integral part shows on "
-            "the lines. tn is in seconds; drives often show it in ms"
+            f"tn = {drive.tn:g} s is longer than the period of {period:g} s: the lines do not show the integral part. "
+            "Check the unit of tn: it is in seconds here, and drives often show it in ms"
         )
 
 
@@ -245,7 +244,7 @@ def _experiment_within(
     rms: float | None,
     limits: AxisLimits | None,
 ) -> AxisExperiment:
-    """Return the experiment at its level, or at the largest that the limits allow; refused where it passes one."""
+    """Return the experiment at its level, or at the largest level within the limits; refuse a level beyond them."""
     source, plant = source if isinstance(source, tuple) else (source, None)
     if plant is not None:
         require_kind("plant", plant, Bla)
@@ -287,7 +286,7 @@ def _experiment_within(
 
 
 def _base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> _Motion:
-    """What the base motion takes; its force by running the rough machine, or as the mean of a record in motion."""
+    """Return peaks and travel of the base motion; its force is simulated, or the mean of a record in motion."""
     if isinstance(source, Record):
         force = float(np.abs(source.u.mean(axis=-1)).max())
     elif np.any(experiment.velocities):
@@ -299,7 +298,7 @@ def _base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> _Mot
 
 
 def _multisine_motion(experiment: AxisExperiment) -> _Motion:
-    """Return what the multisine at the port moves, the worst of its realisations."""
+    """Return peaks and travel of the multisine at the port, for the worst of its realisations."""
     ms, x = experiment.ms, experiment.position_response
 
     def behind(H: np.ndarray) -> np.ndarray:
@@ -312,7 +311,7 @@ def _multisine_motion(experiment: AxisExperiment) -> _Motion:
 def _level_within(
     draft: AxisExperiment, base: _Motion, *, one: _Motion, limits: AxisLimits, rms: float | None
 ) -> float:
-    """The level of the force set point: as given, or the largest that the limits allow; `one` is that of a level 1."""
+    """Return the rms of the force set point, as given or the largest within the limits; `one` is the motion at 1."""
     units = _Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
     taken, each = base._asdict(), one._asdict()
     left = {}
@@ -321,15 +320,15 @@ def _level_within(
         if taken[name] > limit:
             raise ValueError(
                 f"base_velocity must be lower, or its strokes shorter, for a {name} of at most {limit:g} {unit}, got "
-                f"{base.velocity:g} {units['velocity']}: the base motion alone takes {taken[name]:.3g} {unit}"
+                f"{base.velocity:g} {units['velocity']}: the base motion alone needs {taken[name]:.3g} {unit}"
             )
         left[name] = limit - taken[name]
-    if base.velocity:  # a multisine as fast as its base motion turns the axis back, and friction sticks
+    if base.velocity:  # a multisine as fast as its base motion reverses the axis, and friction sticks
         left["velocity"] = min(left["velocity"], base.velocity)
     tightest = min(left, key=lambda name: left[name] / each[name])
     largest = left[tightest] / each[tightest]
     if rms is None and not np.isfinite(largest):
-        raise ValueError("rms must be given where there are no limits, got none")
+        raise ValueError("rms must be given without limits, got none")
     level = largest if rms is None else require_positive("rms", rms)
     if level > largest * (1 + 1e-12):
         raise ValueError(
@@ -338,5 +337,5 @@ def _level_within(
             f"{units[tightest]}" + (" left by the base motion" if base.velocity else "")
         )
     if not level > 0:
-        raise ValueError(f"limits must leave something for the multisine, got no {tightest} left for it")
+        raise ValueError(f"limits must leave some {tightest} for the multisine, got none: the base motion takes it")
     return level

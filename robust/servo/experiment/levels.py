@@ -1,7 +1,7 @@
-"""Which levels to take, read from a level pre-test: one that sticks, one that bends, one that slides.
+"""The three levels to take from a pre-test: one that sticks, one that bends, one that slides.
 
-At each level the lowest lines have U = (k - m w^2 + j c w) Y. Where friction sticks, k is its presliding stiffness, the
-same at every level. It falls while elements slip, and where the axis slides it is what springs to ground leave.
+At each level the lowest lines obey U = (k - m w^2 + j c w) Y. While friction sticks, k is its presliding stiffness, the
+same at every level. k falls as elements slip. When the axis slides, k is the stiffness of springs to ground.
 """
 
 from __future__ import annotations
@@ -21,23 +21,21 @@ from nlfrf.signals import AxisExperiment
 from robust.pages.text import format_table
 from robust.servo.experiment.loop import record_spectra
 
-_LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
-_STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
-_PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %
-_STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
-_PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
-_SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
-_SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
-_MIN_STIFFNESS_SHARE = 0.5  # of the force on the lowest lines; with less the mass decides, and k is its correction
-_RISES = 1.2  # stiffness over its plateau above which it rises with the level
-_DRIFTS = (
-    3.0  # slow over fast changes from period to period of a drift, 90 % of their power: what vibrates wanders, too
-)
-_CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
+_LOW_LINES = 6  # number of lowest lines that give the stiffness: three pairs of a special-odd grid
+_STEPS = 2.0  # least rms of a position, in steps of the encoder, for a level to be read
+_PLATEAU = 0.1  # largest relative scatter of the stiffness over levels that stick; quantisation gives up to 6 %
+_STICKS = 0.97  # least stiffness over the plateau of a level that sticks; below, elements slip at the peaks
+_PLATEAU_SPAN = 2.0  # least ratio of highest to lowest position of a plateau: two equal levels are no plateau
+_SLIDES = 0.005  # largest remaining share of the fall of the stiffness at a level that slides
+_SETTLED = 0.02  # largest change of the stiffness between the two highest levels, over the plateau, if the axis slides
+_MIN_STIFFNESS_SHARE = 0.5  # least share of k Y in the force on the lowest lines; below, the mass determines k
+_RISES = 1.2  # stiffness over the median of the lower levels above which it rises with the level
+_DRIFTS = 3.0  # least ratio of slow to fast changes between periods for a drift: a vibration has slow ones too
+_CLIPPED = 2e-3  # largest share of samples at a limit of force for a level to be read
 
 
 class FrictionRegime(Enum):
-    """What friction does at a level.
+    """State of the friction at a level: sticking, bending (its stiffness falls), sliding, or not readable.
 
     References
     ----------
@@ -59,27 +57,27 @@ class FrictionRegime(Enum):
 
 @value
 class AxisLevels:
-    """The levels of a pre-test, and the three to take, or why there are none.
+    """The levels of a pre-test, and the three to take, or the reason why there are none.
 
     Fields
     ------
     rms : (3,) ndarray
-        Root mean square of the force set point to ask for, so that the axis sticks, bends and slides: the entries of
-        `set_point_rms` for the three levels. Empty where there is a reason.
+        Rms of the force set point to design for, at which the axis sticks, bends and slides: entries of
+        `set_point_rms`. Empty if there is a reason.
     records : tuple of Record
         The three levels as measured, in the units of the design: the `source` of `design_experiment` for each.
     reason : str
-        Why there are no three levels, and what to do; empty where there are.
+        Reason why there are no three levels, and what to do; empty if there are.
     force_rms, position_rms : (L,) ndarray
-        Root mean square of force set point and position on the excited lines of every level, in the units of the
-        design. A current is the force that it makes; a unit that cannot be converted stays.
+        Rms of force set point and position on the excited lines of every level, in the units of the design. A current
+        is converted to its force; a unit that cannot be converted is kept.
     set_point_rms : (L,) ndarray
-        The rms to ask for at every level, in the unit of the force of the design: that of a multisine with the spectrum
-        of the ramp that moves the axis as far. Below `force_rms` where the loop gave another spectrum to the force.
+        Rms to design for at every level, in the unit of force of the design: a multisine with the spectrum of the
+        design moves the axis as far at this rms. It is below `force_rms` if the loop changed the spectrum of the force.
     stiffness : (L,) ndarray
         Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
     states : tuple of FrictionRegime
-        What friction does at each.
+        State of the friction at each level.
     units : tuple of str
         Units of force and position.
 
@@ -90,7 +88,7 @@ class AxisLevels:
     ...     set_point_rms=np.ones(1), stiffness=np.ones(1), states=(FrictionRegime.BENDS,), units=("N", "m"),
     ... )
     >>> print(levels)
-    level  to ask for N rms  measured N rms  position m rms  stiffness N/m
+    level  design for N rms  measured N rms  position m rms  stiffness N/m
         1                 1               1               1              1  bends
     no level sticks
 
@@ -112,7 +110,7 @@ class AxisLevels:
     def __str__(self) -> str:
         force, position = self.units
         units = f"{force} rms", f"{force} rms", f"{position} rms", f"{force}/{position}"
-        names = ("to ask for", "measured", "position", "stiffness")
+        names = ("design for", "measured", "position", "stiffness")
         rows = [("level", *map(" ".join, zip(names, units, strict=True)), "")]
         columns = zip(self.set_point_rms, self.force_rms, self.position_rms, self.stiffness, self.states, strict=True)
         for k, (*numbers, state) in enumerate(columns):
@@ -120,7 +118,7 @@ class AxisLevels:
         taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, _TAKEN, strict=False))
         if self.reason:
             return f"{format_table(rows)}\n{self.reason}"
-        asked = "to ask for: a force of the designed spectrum that moves the axis as far as the measured one"
+        asked = "design for: rms of a force with the designed spectrum that moves the axis as far as the measured force"
         return f"{format_table(rows)}\n{asked}\ntake, as rms of the force set point: {taken}"
 
 
@@ -128,26 +126,29 @@ _TAKEN = ("sticks", "bends", "slides")
 
 
 def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
-    """Read from the records of a ramp at which levels the axis sticks, bends and slides.
+    """Find the levels of a ramp at which the axis sticks, bends and slides.
+
+    Use this after a ramp by `design_ramp` was played, to choose the levels of the experiments from which friction is
+    read.
 
     Parameters
     ----------
     records : sequence of Record
-        What `load_trace` read of the ramp.
+        The records of the ramp, from `load_trace`.
     experiment : AxisExperiment
-        The ramp, by `design_ramp`.
+        The ramp, from `design_ramp`.
 
     Returns
     -------
     AxisLevels
-        Its `reason` says where no three levels can be named: the lowest level does not stick, the highest does not
-        slide, the stiffness rises with the level (backlash, a hardening spring), levels below the encoder's step or at
-        a limit of the force.
+        It has a `reason` and no levels in these cases: the lowest level does not stick; the highest does not slide; the
+        stiffness rises with the level (backlash, a hardening spring); or too many levels are below a step of the
+        encoder or at a limit of the force.
 
     Raises
     ------
     ValueError
-        No records of one input and output with their reference, or a design that is no ramp.
+        Records without a reference or with several channels, or a design that is no ramp.
 
     References
     ----------
@@ -197,11 +198,10 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 
 
 class _Level(NamedTuple):
-    """What is read of one level.
+    """One level: rms of force and position, stiffness, and shares of stiffness and damping in the force on low lines.
 
-    Rms of force and position, stiffness, its share of the force on the lowest lines and that of the damping, rms of the
-    position in steps of the encoder, whether the force is at a limit, and rms by which the periods differ, slow and
-    fast.
+    steps : rms of the position in steps of the encoder. limited : whether the force is at a limit. drift, vibration :
+    rms of the slow and of the fast differences between periods.
     """
 
     force: float
@@ -216,12 +216,12 @@ class _Level(NamedTuple):
 
     @property
     def readable(self) -> bool:
-        """Whether the encoder resolves the motion, and the force is what was asked for."""
+        """True if the encoder resolves the motion, and the force is not at its limit."""
         return not self.limited and self.steps > _STEPS
 
 
 def _read_level(record: Record) -> _Level:
-    """Stiffness on the lowest lines by least squares of U = (k - m w^2 + j c w) Y, and how large the level is."""
+    """Return rms and stiffness of a level, the latter by least squares of U = (k - m w^2 + j c w) Y on low lines."""
     U, Y = (one[0].mean(axis=0) * 2 / record.n_samples for one in record_spectra(record)[:2])
     omega = 2 * np.pi * record.lines.excited * record.f0
     low = slice(0, _LOW_LINES)
@@ -245,10 +245,9 @@ def _read_level(record: Record) -> _Level:
 
 
 def _changes_of_periods(record: Record) -> tuple[float, float]:
-    """Return the rms by which the position of a record (P, N) differs from its mean period, slow and fast.
+    """Return the rms of the slow and of the fast differences between the position of a record and its mean period.
 
-    Slow is up to the lines that the stiffness is read from, as an axis drifts that creeps or has not settled; fast is
-    above, as one vibrates.
+    Slow means up to the lines that give the stiffness, such as creep or settling; fast is above, such as vibration.
     """
     y = np.asarray(record.y)[0]
     power = 2 * squared_modulus(np.fft.rfft((y - y.mean(axis=0)).ravel()) / y.size)
@@ -257,9 +256,9 @@ def _changes_of_periods(record: Record) -> tuple[float, float]:
 
 
 def _judge_levels(read: list[_Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
-    """Return the state of each level, and why no three of them can be taken.
+    """Return the state of each level, and the reason why no three of them can be taken.
 
-    gains : (S,) set point of each level; the lowest have no record where nothing moved.
+    gains : (S,) relative set point of each level; the lowest levels have no record if nothing moved.
     """
     states = [
         FrictionRegime.OPEN if one.readable else FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL
@@ -277,8 +276,8 @@ def _judge_levels(read: list[_Level], units: tuple[str, str], gains: np.ndarray)
         for i in good:
             states[i] = FrictionRegime.BENDS
         return states, (
-            f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
-            f"{k[1]:.3g} {unit} on the lowest. {below}"
+            f"no level sticks: no two levels a factor of two apart have the same stiffness; it changes from {k[0]:.3g} "
+            f"to {k[1]:.3g} {unit} between the lowest two. {below}"
         )
     return _judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
 
@@ -292,7 +291,10 @@ def _judge_breaking_away(
     n_plateau: int,
     unit: tuple[str, str],
 ) -> tuple[list[FrictionRegime], str]:
-    """Return the states of levels from a plateau of the stiffness on, what is below it is quantisation, and why not."""
+    """Return the states, set for the levels from the plateau of the stiffness on, and the reason if they do not do.
+
+    Below the plateau the levels are dominated by quantisation.
+    """
     force, unit_k = unit
     k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
@@ -318,9 +320,9 @@ def _judge_breaking_away(
 
 
 def _held_levels(read: list[_Level], gains: np.ndarray) -> int:
-    """Return at how many levels below the lowest that can be read friction holds the axis.
+    """Return the number of levels below the lowest readable one at which friction holds the axis.
 
-    Nothing but friction holds an axis that moves less than its share of the motion at the highest level.
+    Friction holds it if it moves less than in proportion to the motion at the highest level.
     """
     first, missing = next(k for k, one in enumerate(read) if one.readable), gains.size - len(read)
     steps = np.append(np.zeros(missing), [one.steps for one in read])
@@ -329,30 +331,30 @@ def _held_levels(read: list[_Level], gains: np.ndarray) -> int:
 
 
 def _what_lies_below(read: list[_Level], units: tuple[str, str], gains: np.ndarray, held: int) -> str:
-    """Return what is known below the lowest level that can be read, and what shows more."""
+    """Return advice on the levels below the lowest readable one, as text."""
     first = next(k for k, one in enumerate(read) if one.readable)
     lowest = f"{read[first].force:.3g} {units[0]} rms"
-    finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
+    finer = "A lower level does not show more; a finer encoder does. The friction force can be read without it"
     if held:
         return (
-            f"At {held} of {gains.size} levels friction holds the axis within {_STEPS:g} steps of the encoder, and "
-            f"from {lowest} on it lets go. {finer}"
+            f"At {held} of {gains.size} levels friction holds the axis within {_STEPS:g} steps of the encoder; from "
+            f"{lowest} on it does not. {finer}"
         )
     unresolved = gains.size - len(read) + first > 0 or read[first].steps < _PLATEAU_SPAN * _STEPS
     return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
 
 
 def _reason_against_reading(read: list[_Level], units: tuple[str, str], below: str, held: int) -> str:
-    """Return why the levels show no friction that falls with the level; empty where they may.
+    """Return the reason why the levels cannot show a stiffness that falls with the level; empty if they may.
 
-    below : what lies below the lowest. held : how many levels there friction holds.
+    below : advice on lower levels. held : number of lower levels at which friction holds the axis.
     """
     good = [one for one in read if one.readable]
     if len(good) < 4:
         limited = sum(one.limited for one in read)
         return (
             f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {_STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+            f"than {_STEPS:g} steps of the encoder, {limited} are at the limit of the force. Change --rms or --span"
         )
     k = np.array([one.stiffness for one in good])
     stiffest = int(np.argmax(k))
@@ -362,38 +364,38 @@ def _reason_against_reading(read: list[_Level], units: tuple[str, str], below: s
         drift, vibration = np.median([(one.drift, one.vibration) for one in good[:stiffest]], axis=0)
         if drift > _DRIFTS * vibration:
             return (
-                f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period, as where it creeps "
-                "or an integral part still winds up. Let it settle before each level: raise --discard"
+                f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period, by creep or an "
+                "integral part that still winds up. Let it settle before each level: raise --discard"
             )
-        return f"{damps}, as where the axis vibrates by itself. Look for the vibration, and end it by lower gains"
+        return f"{damps}: the axis may vibrate by itself. Look for the vibration, and stop it by lower gains"
     if not any(one.stiffness_share > _MIN_STIFFNESS_SHARE for one in good):
         least = f"{good[0].force:.3g} {units[0]} rms"
-        return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"
+        return f"no readable level sticks: from {least} on the axis moves as a free mass. {below}"
     if rises:
         return (
             f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
-            f"{'/'.join(units)}: that is backlash or a hardening spring, friction makes it fall. Take the play out "
-            "first"
+            f"{'/'.join(units)}: this is backlash or a hardening spring, because with friction the stiffness falls. "
+            "Remove the backlash first"
         )
     return ""
 
 
 def _plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
-    """First level, and the one behind the last, of the longest run of one stiffness over a sufficient range."""
+    """Return (first, last + 1) of the longest run of levels with the same stiffness over a sufficient range."""
     best = (0, 0)
     for first in range(k.size):
         last = first + 1
         while last < k.size and abs(k[last] / np.median(k[first:last]) - 1) < _PLATEAU:
             last += 1
         wide = position[last - 1] >= _PLATEAU_SPAN * position[first]
-        stiff = k[first] > k.max() / 2  # sliding axes have a plateau, too
+        stiff = k[first] > k.max() / 2  # sliding levels form a plateau too
         if wide and stiff and last - first > best[1] - best[0]:
             best = (first, last)
     return best
 
 
 def _choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[int]:
-    """Return a level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
+    """Return three levels: the second highest that sticks, the one nearest to half the fall, the lowest that slides."""
     sticks, bends, slides = (
         [k for k, one in enumerate(states) if one is wanted]
         for wanted in (FrictionRegime.STICKS, FrictionRegime.BENDS, FrictionRegime.SLIDES)
@@ -403,7 +405,7 @@ def _choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[
 
 
 def _level_of_spectrum(record: Record, shape: np.ndarray) -> float:
-    """Return the rms of a force of a given spectrum (F,), of rms one, that moves the axis as far as a record does."""
+    """Return the rms of a force with a given spectrum (F,) of rms one that moves the axis as far as in a record."""
     U, Y, _ = (np.atleast_2d(one[0].mean(axis=0)) for one in record_spectra(record))
     moved = np.sum(squared_modulus(Y)) * 2 / record.n_samples**2
     return float(np.sqrt(moved / (np.sum(squared_modulus(Y / U) * shape**2) / 2)))

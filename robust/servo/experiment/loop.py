@@ -1,8 +1,8 @@
-"""What a multisine at a port of a running drive makes of force and position: from gains and a rough plant, or measured.
+"""The transfer from a port of a running drive to force and position: from gains and a rough plant, or measured.
 
     u = transfer * multisine,  y = G * u;   transfer = C_port / (1 + G C),  C_force = 1
 
-C is the drive from position to force, G the plant from force set point to position with hold, delay and current lag.
+C is the drive from position to force. G is the plant from force set point to position, with hold, delay and lag.
 """
 
 from __future__ import annotations
@@ -19,14 +19,9 @@ from nlfrf.rig import ServoAxis
 def drive_loop(
     source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F,) force set point and position of one unit at the port, on the lines f [Hz], complex.
+    """Return two (F,) complex responses to a unit at the port, on the lines f [Hz]: force set point and position.
 
-    Of a drive with a rough plant, or as a record measured it; a position in m or rad where its unit is known.
-
-    Raises
-    ------
-    ValueError
-        Another source; a record without reference; lines outside what was measured.
+    They are computed for a drive with a rough plant, or read from a record. A known unit of position becomes m or rad.
     """
     if isinstance(source, ServoAxis):
         G = plant_frf(source, f) if plant is None else _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
@@ -35,10 +30,10 @@ def drive_loop(
     if not isinstance(source, Record):
         raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
     if plant is not None:
-        raise ValueError("plant must be left out where the loop was measured, got one with a record")
+        raise ValueError("plant must be left out with a record, which contains the measured loop, got both")
     U, Y, R = record_spectra(source)
     f_record = source.lines.excited * source.f0
-    Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # its reference is in m or rad
+    Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # the reference of a record is in m or rad
     force, position = (
         _interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
         for one in (U.mean(axis=1), Y.mean(axis=1))
@@ -47,7 +42,7 @@ def drive_loop(
 
 
 def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (M, P, F) spectra of force and position, (M, F) of the reference, on the excited lines."""
+    """Return (M, P, F) spectra of force and position, and (M, F) of the reference, on the excited lines."""
     if record.r is None or not record.is_single:
         raise ValueError("source must be a record of one input and output with its reference r, got one without")
     U, Y, R = (rfft_at(one, record.lines.excited) for one in (record.u, record.y, record.r))
@@ -55,10 +50,10 @@ def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: str) -> np.ndarray:
-    """H at the frequencies f, by straight lines through its logarithm."""
+    """Return H at the frequencies f, by linear interpolation of its logarithm."""
     if f[0] < known[0] * (1 - 1e-9) or f[-1] > known[-1] * (1 + 1e-9):
         raise ValueError(
-            f"f_min and f_max must lie inside the lines of {what}, {known[0]:g} to {known[-1]:g} Hz, "
+            f"f_min and f_max must be within the lines of {what}, {known[0]:g} to {known[-1]:g} Hz, "
             f"got lines from {f[0]:g} to {f[-1]:g} Hz"
         )
     log_gain, phase = np.log(np.abs(H)), np.unwrap(np.angle(H))
@@ -74,7 +69,7 @@ def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
 
 
 def _sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return Phi (n, n), the inputs (n,) for the force set points of whole + 1 and of whole periods ago, and C (n,).
+    """Return Phi (n, n), inputs (n,) for the set points delayed by whole + 1 and by whole periods, and C (n,).
 
     The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
     """
@@ -103,10 +98,10 @@ def _sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 
 
 def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
-    """Return the poles of the axis under its drive, without friction, from one run of the position loop to the next.
+    """Return the poles of the axis under its drive, without friction, over one period of the position loop.
 
-    The loop is one linear map of what drive and machine remember. The map is put together by the steps that the
-    compiled drive takes, on all unit vectors together.
+    One period is a linear map of the states of drive and machine. It is built by running the steps of the compiled
+    drive on all unit vectors at once.
     """
     Phi, early, late, C = _sampled_plant(axis)
     drive, sections = axis.drive, axis.drive.sections
@@ -134,9 +129,9 @@ def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
 
 
 def crossover_frequency(axis: ServoAxis) -> float:
-    """Return the highest frequency [Hz] at which the loop, cut at the force, has a gain of one; nan where it has none.
+    """Return the highest frequency [Hz] at which the loop, opened at the force, has a gain of one; nan if none.
 
-    The gain is looked at on a fine grid of six decades below half the sampling frequency.
+    The grid is fine and covers six decades below half the sampling frequency.
     """
     f = np.geomspace(1e-6, 1.0, 3000)[:-1] * axis.drive.fs / 2
     L = 1 / port_frf(axis, plant_frf(axis, f), port="force", f=f) - 1
@@ -145,9 +140,9 @@ def crossover_frequency(axis: ServoAxis) -> float:
 
 
 def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
-    """Return (F,) force set point of one unit at a port, the loop closed around G; the equations of docs/guide/axis.md.
+    """Return (F,) response of the force set point to a unit at a port, by the equations of docs/guide/axis.md.
 
-    A position loop that runs in every nth period is taken as its mean over them: what it folds down is left out.
+    A position loop that runs in every nth period is replaced by its mean over the n phases, without its aliases.
     """
     drive, Ts = axis.drive, 1 / axis.drive.fs
     z, every = np.exp(2j * np.pi * f * Ts), axis.drive.position_every

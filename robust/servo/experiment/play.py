@@ -1,4 +1,4 @@
-"""The simulated axis in place of a drive: it plays the file that a drive would play, and writes what it traces."""
+"""A simulated axis instead of the machine: it plays a file of set points, and writes the trace of the drive."""
 
 from __future__ import annotations
 
@@ -28,37 +28,39 @@ def play_experiment(
 ) -> Trajectory:
     """Play a file of set points on a simulated axis, and write its trace.
 
+    Use this to try an experiment before it is played on the machine.
+
     Parameters
     ----------
     axis : ServoAxis
         Machine and drive.
     path : path
-        Table to play, as `nlfrf.save` writes it of an experiment: time, and set points called position, velocity or
+        Table to play, as `nlfrf.save` writes it for an experiment: time, and set points called position, velocity or
         force.
     out : path
         The trace to write, a ``.csv`` with set points and actual values of position, velocity, current and force, each
         with its unit.
     limits : AxisLimits, optional
-        The trace ends where one of them is passed, as a drive that watches them stops.
+        The trace ends at the first sample beyond a limit, as a drive that monitors them stops.
     oversampling : int
         As in `nlfrf.rig.run`.
 
     Returns
     -------
     Trajectory
-        What was written, and what a drive does not see.
+        The trace, and signals that a drive does not measure.
 
     Raises
     ------
     ValueError
-        A file without a set point, of another sampling frequency or other units than the drive; other gains than in
-        the design (``.npz``) of the same name; limits that are passed at once; a trace that is no ``.csv``.
+        A file without a set point, or with another sampling frequency or other units than the drive; gains that differ
+        from those of the design (``.npz``) of the same name; a limit that is passed at once; an output that is no .csv.
     FileNotFoundError
         No such file.
 
     References
     ----------
-    docs/guide/axis.md: the files that are exchanged with a drive.
+    docs/guide/axis.md: the files for a drive.
 
     Examples
     --------
@@ -86,14 +88,14 @@ def play_experiment(
     position, force = axis.units
     for port, unit in zip(PORTS, (force, f"{position}/s", position), strict=True):
         if found.units.get(port, "") not in ("", unit):
-            raise ValueError(f"path must have its {port} in {unit}, as the axis has it, got it in {found.units[port]}")
+            raise ValueError(f"path must have its {port} in {unit}, the unit of the axis, got {found.units[port]}")
     if abs(found.fs / axis.drive.fs - 1) > 1e-6:
         raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {found.fs:g} Hz")
     trace = run(axis, {port: found.played.get(port) for port in PORTS}, oversampling=oversampling)
     n = _stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(
-            "limits must be above what the axis does in its first period, got limits that are passed there"
+            "limits must be above force, velocity and travel of the first period, got limits that are passed there"
         )
     columns = {
         "t [s]": trace.t,
@@ -110,19 +112,19 @@ def play_experiment(
 
 
 def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
-    """Refuse a drive whose gains are not those of the design beside the file: the force would be another one."""
+    """Refuse a drive whose gains differ from those of the design beside the file: the force would differ too."""
     found = [
         one for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem))) if one.with_suffix(".npz").is_file()
     ]
     design: object = None
-    with suppress(ValueError):  # a file of the same name that is no design
+    with suppress(ValueError):  # the file of the same name is no design
         design = load(found[0].with_suffix(".npz")) if found else None
     if not isinstance(design, AxisExperiment):
         return
     drive = axis.drive
     own = (drive.kv, drive.gain, drive.tn, drive.velocity_feedforward)
     designed = tuple(getattr(design, name) for name in (*GAINS, "velocity_feedforward"))
-    # the feedforward acts on the position set point only; a file may be older than what it says of that
+    # the feedforward acts on the position set point only; an old file may have none
     fed = design.port == "position" or np.any(design.velocities)
     other = fed and abs(own[-1] - designed[-1]) > SAME_GAIN
     if not np.isnan(designed[:-1]).any() and (other or not design.has_gains(*own[:-1])):
@@ -132,12 +134,12 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
         ]
         raise ValueError(
             f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r}, {numbers[1]}, "
-            f"got {numbers[0]}: design again with these, or the force is another one than asked for"
+            f"got {numbers[0]}: design again with these, or the force differs from the design"
         )
 
 
 def _stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
-    """Return how many samples pass before a limit is."""
+    """Return the number of samples before the first one beyond a limit."""
     require_kind("limits", limits, AxisLimits)
     way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)
     passed = (np.abs(trace.force_set) > limits.force) | (np.abs(trace.v[0]) > limits.velocity) | (way > limits.travel)

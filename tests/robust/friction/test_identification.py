@@ -356,7 +356,7 @@ def test_drive_check_judges_friction_at_motor_and_load(belt):
     assert np.all(np.array(found.largest) > (20, 30))
     assert np.allclose(found.largest, (20, 30), rtol=0.08)
     text = format_sections(found.sections)
-    assert "(at these values, not between them)" in " ".join(text.split())
+    assert "it holds at these values, not between them" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= 100
     integral = judge_friction([], replace(settings, tn=0.03), **given)
     assert integral.proofs[0].verdict == "settles"

@@ -163,7 +163,10 @@ def test_the_first_line_passes_nothing_that_was_not_judged(run, folder):
     code, page, _ = run("motion-trace.csv low.toml --design motion.npz --peak 1.1")
     assert code == 1
     assert one_line(page).startswith("Gains NOT PASSED, linear loop: thin margins. rests: not known: ")
-    assert "change: the linear loop first: see the warnings because: The verdict below only says" in one_line(page)
+    assert (
+        "change: the linear loop first: see the warnings because: The verdict of the linear loop below only means"
+        in one_line(page)
+    )
 
 
 @pytest.mark.usefixtures("played")
@@ -173,7 +176,7 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     page = one_line(page)
     found = re.search(
         r"friction bounded, rest unproved: the axis stays within .* um, proved, and .* "
-        r"within: at most (\S+) um off, at rest or hunting: proved of the nominal model, "
+        r"within: at most (\S+) um off, at rest or hunting: proved for the nominal model, "
         r"friction up to 26 N hunts: not known",
         page,
     )
@@ -189,7 +192,7 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     code, _, refused = run("motion-trace.csv gains.toml --design motion.npz --force 0")
     assert (code, "--force must be positive" in refused) == (2, True)
     code, page, _ = run("rest-trace.csv gains.toml --design rest.npz --force 26")
-    assert (code, "No bound with the given force: no linear model is known" in one_line(page)) == (1, True)
+    assert (code, "No bound with the given force: there is no linear model" in one_line(page)) == (1, True)
 
 
 def test_a_stated_force_has_no_meaning_for_a_loop_in_amperes(folder):
@@ -229,12 +232,12 @@ def test_an_axis_that_settles_may_move_for_ever(short):
     first = re.search(
         r"^Gains NOT PASSED, friction: rest is not proved; the axis comes to rest in simulation, which is no proof\. "
         r"rests: yes in all 12 simulated runs; not proved within: at most (\S+ um) off, at rest or hunting: proved for "
-        r"friction up to \S+ N\. Asked were 1 m: yes hunts: not seen in simulation change: to prove more: ",
+        r"friction up to \S+ N\. Within 1 m: yes hunts: not seen in simulation change: to prove more: ",
         page,
     )
     assert (found.verdict, bool(first)) == (DriveVerdict.NOT_PASSED, True), page
     assert "It may keep moving within this distance." in page
-    assert re.search(r"while that acts: settles, may move within \S+ m for ever", page)
+    assert re.search(r"while the compensation acts: settles, may move within \S+ m for ever", page)
 
 
 def test_the_page_in_html_shows_what_was_found_in_pictures(short):
@@ -342,7 +345,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     proved = one_line(page)
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in proved
     assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in proved
-    assert re.search(r"Of any size, of the nominal linear loop, without limits .*\. goes to: 1 10 to 90 % in: ", proved)
+    assert re.search(r"Response of the nominal linear loop, without limits .*\. goes to: 1 10 to 90 % in: ", proved)
     row = re.compile(r"^(\w[^\[\n]*?)(?: \[[^]]+\])? +(\S+) \+- (\S+) +(.+?)  ", re.M)
     read = {name: (float(value), float(half), assumed) for name, value, half, assumed in row.findall(page)}
     axis = {"mass m": 12.0, "viscous friction c": 20.0, "presliding stiffness K0": 2000.0, "break-away force Fs": 20.0}
@@ -352,7 +355,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     K0, _, largest = read["presliding stiffness K0"]
     assert float(largest.removeprefix("up to ")) == pytest.approx(1.25 * K0, rel=2e-3)
     assert read["stiction over Coulomb friction"][2] == "up to 1.5"
-    assert "It rests at the set point, by the integral part. Proved also at both ends of mass" in proved
+    assert "It rests at the set point, by the integral part. The proof was repeated at both ends of mass" in proved
     added = float(re.search(r"and with (\S+) ms of additional delay", proved)[1])
     margin = float(re.search(r"the nominal loop tolerates (\S+) ms of additional delay", proved)[1])
     assert 0 < added < margin  # the class has the linear loop in it, without friction
@@ -476,7 +479,7 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
             "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
-            "design must be one for all traces, or that of each trace, got 2 of 2 realisations in all, and 3 traces",
+            "design must be one for all traces, or one for each, got 2 designs with 2 realisations in all for 3 traces",
         ),
         (
             "moving.npz gains.toml --fs 1000",
@@ -569,7 +572,7 @@ def test_a_delay_that_is_too_long_gives_way_to_that_of_the_trace(moving, delay):
     record, settings, right = moving
     long = check_drive([record], replace(settings, delay_periods=4000 * delay))
     assert long.settings.delay + long.settings.lag == pytest.approx(0.55e-3, abs=0.01e-3)
-    assert f"as the trace shows them, and not {1e3 * delay:g} ms and 0.3 ms as given" in one_line(str(long))
+    assert f"as the trace shows them, instead of {1e3 * delay:g} ms and 0.3 ms as given" in one_line(str(long))
     assert long.report.verdict is right.report.verdict
     assert long.report.classical.phase_margin == pytest.approx(right.report.classical.phase_margin, abs=0.02)
 
@@ -579,8 +582,9 @@ def test_a_filter_that_the_gains_do_not_name_is_read_from_the_trace_in_motion(mo
     record, settings, right = moving
     short = check_drive([record], replace(settings, lag=0.0), conditions=THREE_AT_REST[3:])
     assert short.settings.delay + short.settings.lag == pytest.approx(0.55e-3, abs=0.01e-3)
-    assert "as the trace shows them, and not 0.25 ms and 0 ms as given, a filter that the gains do not" in one_line(
-        str(short)
+    assert (
+        "as the trace shows them, instead of 0.25 ms and 0 ms as given (a filter that is missing in the gains"
+        in one_line(str(short))
     )
     assert short.report.verdict is right.report.verdict
     assert short.report.classical.phase_margin == pytest.approx(right.report.classical.phase_margin, abs=0.02)
@@ -767,7 +771,7 @@ def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_do
     """The bound of `prove_friction` for the machine behind the trace; nothing passes by it, and it says whose it is."""
     code, page, _ = run("narrow-trace.csv gains.toml --design narrow.npz --force 26")
     found = re.search(
-        r"within: at most (\S+) um off, .* of the machine as read in motion \(its loop is", one_line(page)
+        r"within: at most (\S+) um off, .* for the machine as read in motion \(its loop is", one_line(page)
     )
     settings = load_gains(folder / "gains.toml")
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
@@ -788,7 +792,7 @@ def test_an_unstable_loop_gives_no_bound_of_friction():
         return judge.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
 
     assert judged(True).outcome == judged(False).outcome == "open"
-    assert "No bound by what is read in motion: the sliding loop is unstable" in judged(True).note
+    assert "No bound for the machine as read in motion: the sliding loop is unstable" in judged(True).note
     assert "no linear model is known" in judged(False).note
     read.delay = 0.0
     assert judged(True).outcome == "settles"
@@ -798,7 +802,7 @@ def test_gains_that_did_not_run_here_are_not_robust_and_the_page_says_what_would
     (folder / "unstable.toml").write_text(LINEAR.replace("143", "600"))
     code, page, _ = run("moving.npz unstable.toml")
     assert (code, "verdict: NOT ROBUST" in one_line(page)) == (1, True)
-    assert "if moving.npz was recorded with these gains, the loop was stable, and the model is wrong" in one_line(page)
+    assert "If the trace was recorded with these gains, the loop was stable and the model is wrong" in one_line(page)
 
 
 def test_thin_margins_are_warned_of_and_not_safe(run, folder):
@@ -958,7 +962,7 @@ def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):
         found = check_drive([record], replace(settings, kp=settings.kp * factor))
         assert not found.report.nominally_stable
         assert "Lower the gain" not in one_line(str(found))
-        named = float(re.search(r"([\d.]+) times this kp makes it stable", one_line(str(found)))[1])
+        named = float(re.search(r"([\d.]+) times the present kp makes it stable", one_line(str(found)))[1])
         assert (named > 1) == (factor < 1)
         assert check_drive([record], replace(settings, kp=settings.kp * factor * named)).report.nominally_stable
 

@@ -37,7 +37,7 @@ def test_each_cure_is_a_proof_of_the_changed_drive():
     without = by_change["no integral action (dead band or leak of the integrator)"]
     assert without.verdict == "proved"
     assert without.error == pytest.approx(0.1 / (1.26 * 31), rel=1e-6)
-    compensated = by_change["friction compensated to 30 % of it, while that acts"]
+    compensated = by_change["friction compensated to 30 %, while the compensation acts"]
     assert compensated.error == pytest.approx(0.3 * proved(SETTINGS).error_bound)
     assert str(compensated).endswith(" rad for ever")
 

@@ -88,7 +88,7 @@ def test_what_is_not_simulated_has_its_reason():
     assert "break-away force" in reason_against_simulation(replace(force(), Fs=np.full(2, np.nan)), SETTINGS)
     assert "velocity from differences" in reason_against_simulation(force(), replace(SETTINGS, encoder="load"))
     assert "position loop" in reason_against_simulation(force(), replace(SETTINGS, kv=0.0))
-    assert "were not read apart" in reason_against_simulation(force(), SETTINGS, masses=2)
+    assert "were not separated" in reason_against_simulation(force(), SETTINGS, masses=2)
 
 
 def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
@@ -105,7 +105,7 @@ def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
     last = simulate_rest(force(3.0), asked[-1])  # played again
     assert last.amplitude <= found.amplitude / 2
     refused = with_advice(found, force(3.0), SETTINGS, lambda other: False)
-    assert DriveFriction(simulated=refused).answers("m")["change"].startswith("none of the changes that were tried ")
+    assert DriveFriction(simulated=refused).answers("m")["change"].startswith("none of the tried changes ")
     assert with_advice(simulate_rest(force(1.0), SETTINGS), force(1.0), SETTINGS, keeps).advice == ""
 
 
@@ -128,11 +128,11 @@ def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
 def test_the_distance_that_was_asked_for_is_answered():
     """It is answered by what is proved, else by a hunting axis that swings by more."""
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
-    assert DriveFriction(simulated=hunting).answers("m", 3e-6)["within"].endswith("Asked were 3 um: no, as simulated")
+    assert DriveFriction(simulated=hunting).answers("m", 3e-6)["within"].endswith("Within 3 um: no, as simulated")
     assert (
         DriveFriction(simulated=hunting)
         .answers("m", 5e-6)["within"]
-        .endswith("Asked were 5 um: not proved; in simulation yes")
+        .endswith("Within 5 um: not proved; in simulation yes")
     )
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
     assert DriveFriction(simulated=rests).answers("m", 7e-6)["within"].endswith("not proved")
@@ -179,7 +179,7 @@ def test_one_run_alone_is_no_hunting():
     assert not found.hunts
     assert (found.ended, found.amplitude) == (RUNS - 1, 1e-5)
     assert f"rests in {RUNS - 2} of {RUNS - 1} runs" in str(found)
-    assert "1 more came to no end" in " ".join(str(found).split())
+    assert "1 more failed" in " ".join(str(found).split())
     one[: FEWEST - 1] = 1e-5
     assert SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, 0.1)).hunts
 
@@ -193,4 +193,4 @@ def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
     known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, stable=True, masses=1)
     assert known.simulated is None
-    assert "came to its end in 0 runs only" in known.unsimulated
+    assert "succeeded in 0 runs only" in known.unsimulated

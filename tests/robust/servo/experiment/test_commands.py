@@ -155,13 +155,13 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
     ("arguments", "message"),
     [
         ("servo design lathe {} -o x.csv", "preset must be one of"),
-        ("servo design belt {} --rms 5 --ramp 8 --velocity 0.1 -o x.csv", "ramp must be left out in motion"),
+        ("servo design belt {} --rms 5 --ramp 8 --velocity 0.1 -o x.csv", "ramp must be left out with --velocity"),
         (
             "servo design belt {} --rms 5 --strokes 1 -o x.csv",
-            "--velocity must not be zero where the axis goes back",
+            "--velocity must not be zero with strokes",
         ),
         ("servo design belt {} --rms 500 --max-force 50 -o x.csv", "rms must be at most"),
-        ("servo design trace.csv {} -o x.csv", "got 'trace.csv': a trace needs --first"),
+        ("servo design trace.csv {} -o x.csv", "got 'trace.csv': for a trace give --first"),
         (
             "servo design bad.toml {} -o x.csv",
             "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia? It may have damping, drive,",
@@ -176,7 +176,7 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
         ("servo levels trace.csv --design play.npz", "experiment must be a ramp of levels, got one at rest"),
         (
             "servo levels trace.csv --design ms.npz",
-            "design must be what 'robust servo design' wrote, got ms.npz with a Multisine",
+            "design must be a file from 'robust servo design', got ms.npz with a Multisine",
         ),
     ],
 )

@@ -132,7 +132,7 @@ def test_a_measured_loop_gives_the_spectrum_too():
     bla = nlfrf.bla_from_frf(f, plant_frf(axis, f), std=1e-9, fs=4000, hold="zoh")
     by_bla = design_experiment((axis, bla), multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20)
     assert np.allclose(by_bla.ms.amplitude, second.ms.amplitude, rtol=1e-3)
-    with pytest.raises(ValueError, match="f_min and f_max must lie inside the lines of the record, 6 to 294 Hz"):
+    with pytest.raises(ValueError, match="f_min and f_max must be within the lines of the record, 6 to 294 Hz"):
         design_experiment(record, multisine(fs=4000, n_samples=N, f_min=2, f_max=290), rms=20)
 
 
@@ -144,14 +144,14 @@ def test_a_measured_loop_gives_the_spectrum_too():
             "rms must be at most .* N within the limits, got 500 N: force peak",
         ),
         ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel peaks at .* of 1e-05 m"),
-        ({}, "rms must be given where there are no limits"),
+        ({}, "rms must be given without limits"),
         ({"base_velocity": 0.1, "rms": 500}, "velocity peaks at .* of 0.1 m/s left by the base motion"),
         (
             {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
             "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
         ),
-        ({"base_velocity": 0.1, "limits": AxisLimits(force=5)}, "the base motion alone takes .* N"),
-        ({"strokes": 2, "rms": 1}, "base_velocity must not be zero where the axis goes back and forth"),
+        ({"base_velocity": 0.1, "limits": AxisLimits(force=5)}, "the base motion alone needs .* N"),
+        ({"strokes": 2, "rms": 1}, "base_velocity must not be zero with strokes"),
         ({"rms": 1, "port": "current"}, "port must be"),
         ({"rms": 1, "n_discard": 0}, "n_discard must be a whole number of at least 1"),
     ],
