@@ -2,8 +2,8 @@
 0. From a stored record to a checked controller in thirty lines
 ===============================================================
 
-Only numpy, scipy, control, cvxpy and matplotlib are needed beside the two packages. The weight is a transfer function
-of python-control, which also shapes and closes the loop. cvxpy finds the certificate.
+This example needs numpy, scipy, control, cvxpy and matplotlib besides the two packages. The weight is a transfer
+function of python-control, which also shapes and closes the loop. cvxpy finds the certificate.
 """
 
 import argparse
@@ -31,7 +31,7 @@ bla = nlfrf.identify(record)
 print(f"BLA on {bla.f.size} lines, 95 % bound of {100 * np.median(bla.bound() / np.abs(bla.G)):.1f} % in the median")
 
 # %%
-# A nominal model, and a multiplicative weight W that covers what the record leaves open: G_p = G (1 + W Delta).
+# A nominal model, and a multiplicative weight W that covers its uncertainty: G_p = G (1 + W Delta).
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
 G, W = model.nominal, model.weight
 

@@ -21,13 +21,13 @@ from nlfrf.plot import plot_bla, plot_levels, plot_phase
 from robust.plot import plot_check, plot_loop, plot_set, plot_weight
 
 parser = argparse.ArgumentParser()
-parser.add_argument("file", nargs="?", help="measured record; the built-in rig is simulated when not given")
+parser.add_argument("file", nargs="?", help="measured record; default: a simulation of the built-in rig")
 parser.add_argument("--input", default="u")
 parser.add_argument("--output", default="y")
 parser.add_argument("--fs", type=float)
 parser.add_argument("--period", type=int)
 parser.add_argument("--discard", type=int, default=1)
-parser.add_argument("--poles", type=int, help="of the nominal model; when not given as the data ask for")
+parser.add_argument("--poles", type=int, help="of the nominal model; default: as many as the data need")
 parser.add_argument("--bandwidth", type=float, default=20.0, help="crossover of the loop [Hz]")
 parser.add_argument("--sample-time", type=float, default=1e-3, help="of the controller [s]")
 parser.add_argument("--out", type=Path, default=Path("demo"))
@@ -55,25 +55,25 @@ nlfrf.save(bla, args.out / "bla.npz")
 print(bla)
 
 # %%
-# A nominal plant, with as few poles as leave no more than the scatter of the lines, and the uncertainty that covers the
-# bound.
+# A nominal plant with the fewest poles whose misfit is within the scatter of the lines, and the uncertainty that covers
+# the bound.
 orders = range(1, 6) if args.poles is None else [args.poles]
 scan = robust.models.scan_orders(bla, n_poles=orders)
 nominal = scan.fit
 left = [f"{n} poles {ratio:.3g}" for n, ratio in zip(scan.n_poles, scan.cost / scan.expected_cost, strict=True)]
-print(f"poles: {scan.best} taken; squared error over that of scatter alone:\n  {', '.join(left)}")
+print(f"{scan.best} poles taken; squared error over that of scatter alone:\n  {', '.join(left)}")
 model = robust.uncertainty(bla, nominal, order=4)
 robust.save(model, args.out / "model.json")
 print(nominal)
 
 # %%
-# A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
+# A sampled controller by H-infinity loop shaping, for the sampled plant.
 plant = robust.sampled(model.nominal, args.sample_time)
 design = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * args.bandwidth))
 robust.save(design.K, args.out / "controller.json")
 
 # %%
-# What can be claimed of the loop, for which perturbations.
+# The check: what holds for the loop, and for which perturbations.
 w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 6, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
 robust.reports.write_report(
@@ -93,4 +93,4 @@ for name, panels in pictures.items():
         draw(*what, ax=ax)
     figure.savefig(args.out / name, dpi=110)
 files = ", ".join(sorted(p.name for p in args.out.glob("*.[npj]*")))
-print(f"{args.out}:\n  report.html and report.txt say it in full; in the same folder:\n  {files}")
+print(f"{args.out}:\n  report.html and report.txt have the whole result; in the same folder:\n  {files}")

@@ -2,8 +2,8 @@
 2. Design an experiment for a machine
 =====================================
 
-One measurement slot: how long, how fine, how strong, how peaky? Each question has a number, and the built-in rig (a
-mass on a spring with friction, resonance near 59 Hz) stands in for the machine until the real one is there.
+This example chooses length, resolution, level and crest factor of an experiment, each by a number. The machine is the
+built-in rig, a mass on a spring with friction and a resonance near 59 Hz.
 """
 
 import argparse
@@ -26,7 +26,7 @@ rig = nlfrf.paper_rig()
 
 # %%
 # Resolution. f0 = fs / N, and a period takes 1 / f0. A special-odd grid excites two lines of eight, so the lines
-# of the FRF lie about 4 f0 apart: several of them should fall on a resonance, or nothing can be said of its shape.
+# of the FRF lie about 4 f0 apart: several of them should fall on a resonance, otherwise its shape is unknown.
 print("resolution   period   lines in the band   lines on the resonance (59 +- 2 Hz)")
 for n_samples in (1024, 2048, 4096, 8192):
     ms = nlfrf.multisine(fs=FS, n_samples=n_samples, f_min=BAND[0], f_max=BAND[1], rng=1)
@@ -34,25 +34,25 @@ for n_samples in (1024, 2048, 4096, 8192):
     print(f"{ms.f0:7.2f} Hz {1 / ms.f0:7.2f} s {ms.f.size:12d} {near:20d}")
 
 # %%
-# Level. The distortion depends on it, so measure at the level at which the machine will work. The peak decides
-# what the actuator must bear: random phases peak at 3 to 4 times the rms.
+# Level. The distortion depends on it, so measure at the level at which the machine will work. The peak determines
+# the actuator: with random phases it is 3 to 4 times the rms.
 N = 8192
 band = dict(fs=FS, n_samples=N, f_min=BAND[0], f_max=BAND[1])
 ms = nlfrf.multisine("special-odd", **band, rms=0.25, rng=2)
 print(f"\nrms {ms.rms:g} N peaks at {ms.rms * ms.crest_factor[0]:.2f} N: crest factor {ms.crest_factor[0]:.2f}")
 
 # %%
-# Crest factor. Where the actuator limits, take the best of some random draws: still random, so the bound holds,
-# but for laws as steep as a fifth power.
-# (With target= the phases are optimised, no longer random: for plants that are nearly linear, and with a warning.)
+# Crest factor. If the actuator is the limit, take the best of some random draws. They are still random, so the bound
+# holds, except for laws as steep as a fifth power.
+# (With target= the phases are optimised and no longer random: only for nearly linear plants, and with a warning.)
 drawn = nlfrf.reduce_crest(ms, rng=1)
 for name, signal in (("as drawn", ms), ("best of some draws", drawn)):
     crest = signal.crest_factor[0]
     print(f"{name}: crest factor {crest:.2f}, so up to {LIMIT / crest:.2f} N rms under {LIMIT:g} N")
 
 # %%
-# Time. Transients die in the first periods, two more tell noise from distortion. What do they buy? The distortion
-# of one realisation does not average away: more periods help only where noise is what limits.
+# Time. Transients decay in the first periods, and two more periods separate noise from distortion. The distortion of
+# one realisation does not average away, so further periods help only against noise.
 noise = 2e-6  # of the position sensor [m]
 rng = np.random.default_rng(2)
 print("\nperiods kept   time      bound   noise   distortion     (medians, relative to |G|)")
@@ -63,8 +63,8 @@ for n_periods in (2, 4, 16):
     parts = [bla.bound(), np.sqrt(bla.var_noise), np.sqrt(bla.var_distortion)]
     bound, from_noise, distortion = (100 * np.median(part / np.abs(bla.G)) for part in parts)
     print(f"{n_periods:8d} {(n_periods + 2) * N / FS:12.0f} s {bound:8.1f} % {from_noise:5.1f} % {distortion:8.1f} %")
-print("Noise averages away, and with it what is not known of the levels; the distortion stays, however")
-print("long the record: beyond a few periods use the time for other realisations.")
+print("Periods average noise and make the variances more certain, but do not reduce the distortion.")
+print("Beyond a few periods use the time for other realisations.")
 
 # %%
 # Several realisations average the distortion too.

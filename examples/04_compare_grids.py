@@ -2,9 +2,9 @@
 4. Compare grids: why odd-odd misleads
 ======================================
 
-Every grid gives the same best linear approximation. They differ in what the lines that were left out say about its
-distortion. Around a resonance only combinations f1 + f2 - f3 of neighbouring lines matter, and on an odd-odd grid
-(4k+1) these fall on excited lines again: its detection lines (4k+3) stay quiet, whatever the machine does.
+Every grid gives the same best linear approximation, but the detection lines show different parts of the distortion.
+Around a resonance only combinations f1 + f2 - f3 of neighbouring lines matter. On an odd-odd grid (4k+1) these fall on
+excited lines again, so its detection lines (4k+3) show little distortion.
 """
 
 import argparse
@@ -35,7 +35,7 @@ figure, axes = plt.subplots(3, 1, figsize=(9, 11), sharex=True, sharey=True, lay
 print("                  level over truth [dB]   95 % bound holds BLA")
 print("grid        lines   band at resonance     band  at resonance   level")
 for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True):
-    # 1. The truth: the BLA and the scatter about it, from many realisations at the same rms.
+    # 1. True values: the BLA and the scatter about it, from many realisations at the same rms.
     ms = nlfrf.multisine(
         kind, fs=2048, n_samples=8192, f_min=2, f_max=140, rms=0.25, n_realizations=2 * N_RECORDS, rng=1
     )
@@ -45,8 +45,8 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
     truth, scatter = each.mean(axis=0), each.std(axis=0, ddof=1)
     near = np.abs(ms.f - 59) < 3
 
-    # 2. What one record says by itself: first by its detection lines as they are read, then by what identify does when
-    #    left alone. On odd-odd it warns, and takes the roughness of the FRF over the excited lines instead.
+    # 2. One record: first the detection lines without correction, then the default of identify. On odd-odd it warns,
+    #    and uses the roughness of the FRF over the excited lines instead.
     for level_from, style in (("detection", "--"), ("auto", "-")):
         levels, inside = [], []
         for m in range(N_RECORDS):
@@ -62,9 +62,9 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
         print(
             f"{kind:12s} {ms.f.size:4d} {np.median(over):6.1f} {np.median(over[near]):12.1f}"
             f" {inside.mean():8.1f} % {inside[near].mean():9.1f} %   "
-            + ("detection lines, as read" if level_from == "detection" else f"identify: {what}")
+            + ("detection lines, uncorrected" if level_from == "detection" else f"identify: {what}")
         )
-        label = "detection lines, as read" if level_from == "detection" else f"identify, by itself: {what}"
+        label = "detection lines, uncorrected" if level_from == "detection" else f"identify: {what}"
         ax.plot(ms.f, db(level), style, label=label)
     ax.plot(ms.f, db(scatter), "k.", ms=3, label="true scatter of one realisation")
     ax.plot(ms.f, db(np.abs(truth)), "k-.", lw=1, label="|BLA|")
@@ -73,6 +73,6 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
     ax.legend(fontsize="small")
 axes[-1].set_xlabel("frequency [Hz]")
 figure.savefig(out / "grids.png", dpi=100)
-print("Far below 0 dB at the resonance: the detection lines do not see the distortion, and no calibration")
-print("helps them.")
+print("Far below 0 dB at the resonance: the detection lines do not show the distortion, and no correction")
+print("can help.")
 print(f"wrote {out}/grids.png")

@@ -2,9 +2,9 @@
 5. Levels as a plant family: one controller for small and large motions
 =======================================================================
 
-A machine with friction is a stiff one in small motions and a soft one in large motions. Each level has its own best
-linear approximation; a set that covers all of them is what a controller has to live with. The budget of its radius
-says how much of it is there only because the machine changes with the level.
+A machine with friction is stiff in small motions and soft in large ones. Each level has its own best linear
+approximation, and a controller for all levels needs a set that contains all of them. The budget of its radius shows
+the part that is caused by the change of the machine with the level.
 """
 
 import argparse
@@ -35,7 +35,7 @@ for low, high, growth in zip(study.rms[:-1], study.rms[1:], study.growth, strict
     print(f"from {low:g} to {high:g} N the distortion grows by {np.median(growth):.0f} dB per 20 dB")
 
 # %%
-# One nominal model through all three, and a set for each choice of levels.
+# One nominal model for all three, and a set for each choice of levels.
 cases = {"0.25 N alone": [study.blas[1]], "0.025 and 0.25 N": study.blas[:2], "all three": study.blas}
 models, fits = {}, {}
 for name, blas in cases.items():
@@ -45,11 +45,11 @@ for name, blas in cases.items():
     radius = ", ".join(f"{model.radius[k]:.2f}" for k in at)
     part = model.budget["level"]
     share = ", ".join(f"{100 * part[k] / model.radius[k]:.0f} %" for k in at)
-    print(f"{name}: relative radius at 10, 45, 59 Hz {radius}\n  of it only because of the level {share}")
+    print(f"{name}: relative radius at 10, 45, 59 Hz {radius}\n  share caused by the change of level {share}")
 
 # %%
-# Where the radius is above one the set holds plants of either sign: no controller can have gain there. So a family
-# costs bandwidth. Ask each set for the fastest loop that the check still accepts, looking at a grid first.
+# If the radius is above one, the set contains plants of either sign, and no controller can have gain there. So a family
+# costs bandwidth. Find the fastest loop that the check accepts for each set, first on a grid.
 CROSSOVERS = (1.0, 8.0, 64.0)
 for name, model in models.items():
     plant = robust.sampled(model.nominal, 1e-3)
@@ -61,7 +61,7 @@ for name, model in models.items():
         accepted = crossover, K
     if accepted is None:
         low = np.abs(robust.check(model, 0.0, certify=False).curves.radius[0])
-        print(f"{name}: no integrating loop at all; at low frequency the weight is {low:.2f}. Schedule the controller.")
+        print(f"{name}: no integrating loop; the weight is {low:.2f} at low frequency. Schedule the controller.")
     else:
         report = robust.check(model, accepted[1])
         print(f"{name}: crossover up to {accepted[0]:g} Hz of {CROSSOVERS[-1]:g}; {report.verdict}")

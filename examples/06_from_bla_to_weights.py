@@ -2,8 +2,8 @@
 6. From a best linear approximation to weights
 ==============================================
 
-A controller is designed on a model and must live with the machine. What lies between the two goes into a weight: noise,
-distortion, and what the model leaves out. Here each choice is made with a number beside it.
+A controller is designed for a model, and runs on the machine. The weight covers the difference: noise, distortion, and
+the misfit of the model. This example makes each choice by a number.
 """
 
 import argparse
@@ -28,15 +28,15 @@ both = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 first, second = (nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : m + 1])) for m in (0, 1))
 
 # %%
-# How many poles? As few as let a loop cross over at 20 Hz: the gain of T_c times the radius stays below one half.
+# How many poles? The fewest that allow a crossover of 20 Hz: |T_c| times the radius stays below one half.
 scan = robust.models.scan_orders(first, n_poles=range(1, 6), omega_c=2 * np.pi * 20)
 print(scan)
 nominal = scan.fit
 print(nominal)
 
 # %%
-# The set: on every line a disc about the model that holds the FRF of a new realisation with 95 %. The shares of its
-# radius say what to do about it.
+# The set: on every line a disc about the model that contains the FRF of a new realisation with 95 %. The shares of
+# its radius show which part to reduce.
 model = robust.uncertainty(first, nominal, order=4)
 print(model)
 for name, part in model.budget.items():
@@ -63,12 +63,12 @@ for form in ("multiplicative", "additive", "inverse-multiplicative"):
     print(f"{form:22s} {other.radius[at[0]]:14.3g} {other.radius[at[1]]:14.3g}")
 
 # %%
-# Does it hold? A second record, another realisation, against the model of the first.
+# Validation: a second record, another realisation, compared with the model of the first.
 seen = robust.validate(model, second)
 print(f"\n{seen}")
 
 # %%
-# Weights by formula, for what is asked of the loop and for what was not measured: a delay of up to a millisecond.
+# Weights by formula: the demand on the loop, and an uncertainty that was not measured, a delay of up to a millisecond.
 w_P = robust.performance_weight(2 * np.pi * 2, M_S=2, A=1e-2)
 w_delay = robust.models.delay_weight(1e-3)
 for name, weight in (("|S| allowed", w_P), ("delay, as a radius", w_delay)):

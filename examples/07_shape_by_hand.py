@@ -1,9 +1,9 @@
 """
-7. Shape a loop by hand against what is asked and what is not known
-===================================================================
+7. Shape a loop by hand between demand and uncertainty
+======================================================
 
-Performance forbids a low ``|L|`` at low frequency, the uncertainty forbids a high one where the plant is not known.
-Between the two the loop is built from elements, one by one, and the picture follows.
+The demand needs a high ``|L|`` at low frequency; the uncertainty needs a low one at high frequency. Between these
+bounds the loop is built from elements, one by one.
 """
 
 import argparse
@@ -22,8 +22,8 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 # %%
-# The set of plants: the friction rig at two levels, between which its resonance moves; and what is asked of it.
-# Four realisations a level: from fewer, some records leave no room for integral action at the lowest lines.
+# The set of plants: the friction rig at two levels, between which its resonance moves, and the demand.
+# Four realisations for each level: with fewer, some records allow no integral action at the lowest lines.
 levels, band = (0.25, 0.5), dict(fs=2048, n_samples=8192, f_min=0.25, f_max=150)  # N rms
 ms = [nlfrf.multisine(**band, rms=rms, n_realizations=4, rng=1) for rms in levels]
 blas = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), m, n_periods=2)) for m in ms]
@@ -62,10 +62,10 @@ for ax, (what, K) in zip(axes.flat[:4], steps.items(), strict=True):
     plot_loop_bounds(model, w_P, K, ax=ax)
     ax.set_title(f"{what}: {ax.get_title()}", fontsize="medium")
 
-# A line may stay beyond a bound: the bounds are for any phase of L, the check looks at the one it has.
+# A line may stay beyond a bound: the bounds hold for any phase of L, the check uses the actual phase.
 
 # %%
-# What runs is sampled: each element takes dt, exact at its own frequency; hold and computation go into the check.
+# The controller runs sampled: each element takes dt and is exact at its own frequency. The check adds hold and delay.
 dt = 1e-3
 K = robust.shaping.pid(0.0, hz * 8, dt=dt) * robust.shaping.notch(hz * 50, depth=0.15, width=1.0, dt=dt)
 K = K * robust.shaping.low_pass(hz * 150, order=1, dt=dt) * stiffness

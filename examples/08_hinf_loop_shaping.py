@@ -1,9 +1,9 @@
 """
-8. H-infinity loop shaping: keep the shape, gain the margin; and mixed sensitivity beside it
-============================================================================================
+8. H-infinity loop shaping, compared with mixed sensitivity
+===========================================================
 
-The gain of the loop is shaped by weights as by hand; the controller then robustly stabilises the shaped plant, and
-gamma_min says beforehand whether the plant lets the loop have that shape. Mixed sensitivity starts from the demands.
+In loop shaping, weights give the loop gain, and the controller robustly stabilises the shaped plant. gamma_min shows
+beforehand whether the plant allows this shape. Mixed sensitivity starts from the demands.
 """
 
 import argparse
@@ -21,7 +21,7 @@ parser.add_argument("--out", type=Path, default=Path("demo/08"), help="folder fo
 (out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
 # %%
-# The plant a controller at 1 kHz with half a millisecond of computation sees, and the set around it.
+# The plant of a controller at 1 kHz with half a millisecond of computation, and the set around it.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
@@ -29,8 +29,8 @@ dt, delay = 1e-3, 5e-4
 plant = robust.sampled(model.nominal, dt, delay)
 
 # %%
-# How fast? gamma_min under 4 says that the shape is possible, 1/gamma is the coprime margin of the loop. max rs says
-# what the measured set leaves of it.
+# How fast? With gamma_min under 4 the shape is possible; 1/gamma is the coprime margin of the loop. max rs is the
+# robust-stability measure with the measured set.
 print("crossover   gamma_min   margin   max rs")
 designs = {}
 for crossover in (5.0, 10.0, 20.0, 40.0):
@@ -41,8 +41,8 @@ for crossover in (5.0, 10.0, 20.0, 40.0):
     designs[crossover] = design
 
 # %%
-# How far apart are two plants for a controller? The nu-gap: a loop with a margin above it holds both. Friction makes
-# the rig softer at a higher level; shaped alike, that is a small step in the gap, a large one in the FRF.
+# The nu-gap is the distance of two plants for a controller: a loop with a larger margin is stable with both. Friction
+# makes the rig softer at a higher level. With the same shaping this is a small gap, but a large change of the FRF.
 louder = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.5, rng=2)
 bla_loud = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), louder, n_periods=2))
 other = robust.sampled(robust.fit_nominal(bla_loud, n_poles=3).G, dt, delay)
@@ -51,14 +51,14 @@ change, gap = np.max(np.abs(bla_loud.G / bla.G - 1)), robust.margins.nu_gap(plan
 print(f"\ntwice the level: the FRF changes by up to {100 * change:.0f} %, the shaped plants are {gap:.2f} apart")
 
 # %%
-# Mixed sensitivity on the same plant: demands on S and K S, and the measured set as one on T. Under 1 all are met.
+# Mixed sensitivity for the same plant: demands on S and K S, and on T from the measured set. Under 1 all are met.
 stiffness = 1 / abs(bla.G[0])
 w_P = robust.performance_weight(2 * np.pi * 5, M_S=2.5, A=1e-2)
 mixed = robust.mixsyn(model, w_P, w_u=1 / (20 * stiffness), dt=dt, delay=delay)
 print(f"\nmixed sensitivity: gamma {mixed.gamma:.2f}, at best {mixed.gamma_min:.2f}, {mixed.K.nstates} states")
 
 # %%
-# Both held against the whole set and the same demand.
+# Both controllers, checked with the whole set and the same demand.
 figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 for row, (name, K) in zip(
     axes, {"loop shaping, 10 Hz": designs[10.0].K, "mixed sensitivity": mixed.K}.items(), strict=True

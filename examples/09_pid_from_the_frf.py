@@ -2,9 +2,9 @@
 9. A PID controller from one record, without a parametric model
 ===============================================================
 
-The record gives the FRF and a disc around every line. A convex program looks for the PID that has the most integral
-action while every plant in the discs stays stable and keeps its sensitivity under a limit. Then the check, on the lines
-and, with a model after all, at all frequencies; and the controller runs on the nonlinear machine.
+The record gives the FRF and a disc on every line. A convex program finds the PID with the most integral action for
+which every plant in the discs is stable and its sensitivity stays below a limit. The check follows, on the lines and,
+with a model, at all frequencies. Then the controller runs on the nonlinear machine.
 """
 
 import argparse
@@ -29,8 +29,8 @@ bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 print(bla)
 
 # %%
-# The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the plant it is
-# designed for. The sensitivity may peak at 1.6 for any plant in the discs. More structure, more integral action?
+# The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the plant of the
+# design. The sensitivity may peak at 1.6 for any plant in the discs. Does more structure give more integral action?
 designs = {}
 print(f"\n{'structure':10s} {'integral gain [N/m/s]':>22s} {'steps':>6s}   ended")
 for structure in ("I", "PI", "PID"):
@@ -43,28 +43,28 @@ for structure in ("I", "PI", "PID"):
 K = designs["PID"].K
 
 # %%
-# What cannot be had is said, with the demand that is in the way and where.
+# An impossible demand: the reason names the demand that cannot be met, and the frequency.
 too_much = robust.design_frf(bla, "PID", M_S=1.2, omega_c=2 * np.pi * 40, dt=1e-3, delay=5e-4)
 print("\n" + fill(f"a crossover of 40 Hz with |S| <= 1.2: {too_much.reason}", 100))
 
 # %%
-# The check on the lines: never more than that, but with the discs in every number.
+# The check on the lines: it holds on the lines only, and every number includes the discs.
 on_lines = robust.check(bla, K, delay=5e-4)
 print(f"\n{on_lines.summary}")
 
 # %%
-# With a model it is proved at all frequencies, for the linear plants of the set.
+# With a model stability is proved at all frequencies, for the linear plants of the set.
 nominal = robust.fit_nominal(bla, n_poles=3)
 model = robust.uncertainty(bla, nominal, order=4)
 report = robust.check(model, K, delay=5e-4)
 print(f"\n{report.summary}")
 
 # %%
-# On the machine: a step of the position and a push, friction and all.
+# On the nonlinear machine with friction: a step of the position and a push.
 t = np.arange(2000) / 1000
 r = np.where(t > 0.1, 2e-5, 0.0)
 push = np.where(t > 1.0, 0.2, 0.0)
-print(f"\n{'structure':10s} {'reached to 5 % after':>21s} {'error by the push':>18s} {'left of it at the end':>22s}")
+print(f"\n{'structure':10s} {'reached to 5 % after':>21s} {'error by the push':>18s} {'error at the end':>22s}")
 responses = {}
 for structure, design in designs.items():
     run = nlfrf.rig.run(nlfrf.paper_rig(), r, nlfrf.rig.Controller(design.K, delay=5e-4), disturbance=push)

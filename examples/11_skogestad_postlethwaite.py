@@ -2,8 +2,8 @@
 11. Examples of Skogestad & Postlethwaite, redone with the book's numbers
 =========================================================================
 
-S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., Wiley 2005. Each line prints the book's number
-and the one found here, so that you can see that the words mean what the book means by them.
+S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., Wiley 2005. Each line prints the number of
+the book and the one computed here, which shows that the terms are those of the book.
 """
 
 import argparse
@@ -64,8 +64,8 @@ compare("Example 9.3: gamma_min", "2.34", f"{design.gamma_min:.3f}")
 compare("Example 9.3: largest coprime uncertainty, 1/gamma_min", "0.43", f"{1 / design.gamma_min:.3f}")
 
 # %%
-# Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order two, straight
-# from the FRF, beside the book's least one over all orders.
+# Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order two
+# from the FRF, compared with the book's smallest one over all orders.
 w_P = robust.performance_weight(10, M_S=1.5, A=1e-4)
 fixed = robust.design_frf(control.frequency_response(G_d, 10 * omega), 2, w_P=w_P, w_u=1.0, n_iterations=20)
 compare("Example 2.17: gamma; here of order two, from the FRF", "1.37", f"{fixed.gamma:.3f}")
@@ -78,7 +78,7 @@ compare("Example 8.5: full block, two numbers, one number twice", "3.162 3 1", "
 
 # %%
 # Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance and robust stability
-# are fine, and with 20 % of gain error in each input the performance is lost all the same.
+# hold, but with 20 % of gain error in each input performance is lost.
 w = np.geomspace(1e-3, 1e2, 300)
 G_0 = np.array([[87.8, -86.4], [108.2, -109.6]])[:, :, None]
 lag, S, T = 75j * w + 1, 1j * w / (1j * w + 0.7), 0.7 / (1j * w + 0.7)  # G = G_0/lag, G K = 0.7/s

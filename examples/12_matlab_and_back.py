@@ -2,9 +2,9 @@
 12. Export to MATLAB and back
 =============================
 
-A colleague works in MATLAB. The model goes there as plain structs with a loader that makes the uncertain plant
-(``ultidyn``); what they send back, a controller as A, B, C, D in a ``.mat`` file, is checked here. Every number
-survives to the bit. Where GNU Octave is installed it stands in for the colleague.
+A colleague works in MATLAB. The model is exported as plain structs, with a loader that makes the uncertain plant
+(``ultidyn``). The colleague returns a controller as A, B, C, D in a ``.mat`` file, which is checked here. All numbers
+are equal to the bit. If GNU Octave is installed, it plays the colleague.
 """
 
 import argparse
@@ -29,7 +29,7 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 # %%
-# The model, in every file the package writes.
+# The model in every kind of file.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
 record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 bla = nlfrf.identify(record)
@@ -72,7 +72,7 @@ else:
     savemat(out / "controller_from_octave.mat", {"A": 1.0, "B": 1.0, "C": gain, "D": gain / 2, "Ts": 1e-3})
 
 # %%
-# What came back is checked like any other controller.
+# The returned controller is checked like any other.
 sent = loadmat(out / "controller_from_octave.mat")
 K = control.ss(*(sent[m] for m in "ABCD"), float(sent["Ts"].squeeze()))
 report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 0.5, M_S=2.5, A=1e-2))

@@ -3,8 +3,8 @@
 ===============================================
 
 A motor and a load joined by a flexible coupling (KU Leuven, published with the FdiTools toolbox; the records are not
-part of this project). An odd-odd multisine of current, 20 periods of one second, motor angle measured: a record as one
-finds it on a disk, with a grid whose detection lines cannot be calibrated, and an input that is not clean.
+part of this project). The input is an odd-odd multisine of current, 20 periods of one second; the output is
+the motor angle. The detection lines of this grid cannot be corrected, and the input is not clean.
 
 ::
 
@@ -45,13 +45,13 @@ print(
 )
 
 # %%
-# The BLA. identify warns that odd-odd detection lines under-read, and takes the roughness of the FRF instead.
+# The BLA. identify warns that odd-odd detection lines read too low, and uses the roughness of the FRF instead.
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     bla = nlfrf.identify(record)
 print(bla)
 for warning in said:
-    print(fill(f"warned: {warning.message}", 100))
+    print(fill(f"warning: {warning.message}", 100))
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     print(nlfrf.second_opinion(record))
@@ -66,7 +66,7 @@ model = robust.uncertainty(bla, nominal, order=6)
 print(model)
 
 # %%
-# A position controller at 2.5 kHz with one sample of computation, by loop shaping. Faster until the check refuses.
+# A position controller at 2.5 kHz with one sample of computation, by loop shaping, faster until the check refuses.
 dt = 1 / record.fs
 plant = robust.sampled(model.nominal, dt, dt)
 accepted = None
@@ -82,7 +82,7 @@ K = accepted
 report = robust.check(model, K, delay=dt)
 
 # %%
-# What to hand over.
+# Save the results.
 print(report.summary)
 robust.save(K, out / "controller.json")
 robust.save(model, out / "model.json")  # robust report model.json controller.json makes a page of them

@@ -2,9 +2,9 @@
 15. Several uncertainties: stiffness and damping as numbers, distortion as a disc
 =================================================================================
 
-Friction makes a machine stiff in small motions and soft in large ones. One disc that covers all levels forgets that
-it is always a mass on a spring: near the resonance it holds plants of either sign. Here the spring and the damper are
-real parameters, what is left is a small disc, and the structured singular value checks all of them at once.
+Friction makes a machine stiff in small motions and soft in large ones. One disc that covers all levels contains far too
+many plants: near the resonance it has plants of either sign. Here spring and damper are real parameters, the rest is a
+small disc, and the structured singular value checks all of them at once.
 """
 
 import argparse
@@ -39,7 +39,7 @@ dm, dc, dk = (high - low) / 2
 print(f"damping {c:.1f} +- {dc:.1f}, stiffness {k:.0f} +- {dk:.0f}; the mass hardly moves: +- {100 * dm / m:.1f} %")
 
 # %%
-# What neither number explains: misfit and distortion of each level about its own spring, and the one mass for all.
+# The rest: misfit and distortion of each level about its own spring, and one mass for all levels.
 models = [robust.uncertainty(bla, fit, order=4) for bla, fit in zip(blas, fits, strict=True)]
 omega = models[0].omega
 s = 1j * omega
@@ -72,7 +72,7 @@ def controller(crossover):
 
 
 # %%
-# The same controllers against both sets.
+# The same controllers with both sets.
 print("\ncrossover    one disc over the levels       spring, damper and a disc (mu)")
 accepted = {}
 for crossover in (1.0, 2.0, 4.0):

@@ -28,7 +28,7 @@ stage = (
 )  # or nlfrf.rig.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
 
 # %%
-# Two experiments, both forces on in each; two periods after one to settle, and a little noise.
+# Two experiments, each with both forces; one period to settle, two to keep, and a little noise.
 ms = nlfrf.multisine(
     "random-odd", fs=FS, n_samples=N, f_min=2, f_max=100, rms=(6.0, 8.0), n_inputs=2, n_draws=50, rng=1
 )
@@ -38,14 +38,14 @@ record = replace(record, y=record.y + 1e-3 * record.y.std() * noise)
 frm = nlfrf.identify(record)
 
 # %%
-# A nominal with four states, and the set around it: chosen before looking, one disc an entry.
+# A nominal with four states, and the set around it with one disc for each entry, chosen before the verdict.
 fit = robust.fit_nominal(frm, n_poles=4, dt=1 / FS)
 model = robust.uncertainty(frm, fit, form="elements", order=4)
 print(f"{frm}\n\n{fit}\n{model}\n")
 
 
 # %%
-# A PID an axis. The verdict is about every plant of the set, and the whole matrix.
+# One PID for each axis. The verdict holds for every plant of the set, with the whole matrix.
 def controller(kp, kd, ki):
     axes = zip(kp, kd, ki, strict=True)
     return control.append(*(robust.shaping.pid(p, i, d, filter_time=0.5 / FS, dt=1 / FS) for p, d, i in axes))
@@ -63,7 +63,7 @@ print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {radii[0]:
 
 # %%
 # On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of both axes.
-# Again with a computer that is half a millisecond late, of which the experiment knew nothing.
+# Again with an additional delay of half a millisecond, which the model does not contain.
 t = np.arange(1024) / FS
 goal, kick = np.outer([100e-6, 0], t >= 0.1), np.outer([3, 4], (t >= 1.2) & (t < 1.22))
 moves = {}

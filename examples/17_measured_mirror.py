@@ -4,7 +4,7 @@
 
 Three piezo actuators tilt and lift a mirror that is measured at three other points (KU Leuven, CubeSpec fine steering
 mirror; Floren and others, ISMA 2024, CC BY 4.0; the records are not part of this project). Two sets of three
-experiments, two periods each: the first set makes the matrix, its bound and the model, the second is held against them.
+experiments, two periods each: the first set gives the matrix, its bound and the model; the second set tests them.
 
 ::
 
@@ -52,12 +52,12 @@ def matrix(experiments, first, last):
 
 
 # %%
-# The matrix and its bound from one set; how much of the other set lies inside, which had no part in it?
+# The matrix and its bound from one set, and the share of the other, independent set inside the bound.
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     one, other = (matrix(half, 1, 3839) for half in (slice(0, 3), slice(3, 6)))
     first, second = (matrix(half, 16, 1280) for half in (slice(0, 3), slice(3, 6)))
-print(*(fill(f"warned: {message}", 100) for message in sorted({str(w.message) for w in said})), sep="\n")
+print(*(fill(f"warning: {message}", 100) for message in sorted({str(w.message) for w in said})), sep="\n")
 print(f"\n{first}\n")
 for name, frm, new in (("first", one, other), ("second", other, one)):
     apart = new.G - frm.G
@@ -65,18 +65,18 @@ for name, frm, new in (("first", one, other), ("second", other, one)):
     Z = np.linalg.solve(left, np.moveaxis(apart, 2, 0)) @ np.linalg.inv(right)
     entries = np.mean(np.abs(apart) < frm.bound(of="realization"))
     matrices = np.mean(np.linalg.norm(Z, 2, (1, 2)) < 1)
-    print(f"in the 95 % bound of the {name} set, on {frm.f.size} lines, lie of the other set")
+    print(f"the 95 % bound of the {name} set, on {frm.f.size} lines, contains of the other set")
     print(f"  {100 * entries:.1f} % of the entries and {100 * matrices:.1f} % of the matrices")
 
 # %%
-# A nominal of twelve states, and a set around it, chosen before looking: one full block.
+# A nominal with twelve states, and a set with one full block around it, chosen before the verdict.
 fit = robust.fit_nominal(first.every(8), n_poles=12, dt=1 / FS)  # an eighth of the lines tells the modes
 model = robust.uncertainty(first, fit, form="additive", order=4)
 print(f"\n{fit}\n{model}\n{robust.validate(model, second)}\n")
 
 
 # %%
-# Three integrators behind the static matrix turned round, rolled off before the modes at 636 Hz and above.
+# Three integrators behind the inverse of the static matrix, rolled off before the modes at 636 Hz and above.
 def controller(crossover):
     integrator = control.ss(control.tf([2 * np.pi * crossover / FS, 0], [1, -1], 1 / FS))
     lag = control.ss(robust.lti.discretize(control.tf([1], [1 / (2 * np.pi * 150), 1]), 1 / FS))

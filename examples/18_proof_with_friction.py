@@ -1,12 +1,12 @@
 """
-18. A proof for a class of friction: three levels, what they support, a proof for all of it
-===========================================================================================
+18. A proof for a class of friction, read from three levels
+===========================================================
 
-A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
-stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:
-for each, either a proof that the machine comes to rest with every friction of the class, from every state, or a member
-that breaks it. Both are then played on the machine, with frictions drawn from the class and with one outside it, that
-of the paper's rig: it creeps below break-away and lies only in ``any_bristle``, where a PD is proved and no PID is.
+A mass on a spring with friction is identified at three levels. They give the machine while it slides, and its stiffness
+while it sticks, and so a class of friction. Each controller with integral action gets either a proof that the machine
+comes to rest with every friction of the class, from every state, or a friction with which it does not. All are then
+simulated with frictions of the class, and with the friction of the paper's rig. The rig creeps below break-away and is
+only in ``any_bristle``, for which a PD is proved but no PID.
 """
 
 import argparse
@@ -25,7 +25,7 @@ parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/18"), help="folder for text and picture")
 args = parser.parse_args()
 args.out.mkdir(parents=True, exist_ok=True)
-# a motion that dies out leaves ever smaller hysteresis loops inside one another; the innermost may go
+# a decaying motion makes ever smaller nested hysteresis loops; the innermost may be forgotten
 warnings.filterwarnings("ignore", message="the hysteresis memory", category=nlfrf.DataWarning)
 
 T, LEVELS = 1e-3, (0.1, 0.25, 2.5)  # sample time [s]; rms of the force [N]
@@ -75,7 +75,7 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
         wavelength=1e-4,
         asymmetry=0.3,
     )
-    rig = nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine that is proved
+    rig = nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine of the proof
     late, still = nlfrf.rig.Controller(K, delay=delay), np.zeros(4000)
     responses = nlfrf.rig.run_loops(rig, still, late, initial=kicks, oversampling=8)
     outside = nlfrf.rig.run_loops(nlfrf.paper_rig(), still, late, initial=kicks)

@@ -1,13 +1,13 @@
 """
-19. A controller designed to be proved, beside one that only the levels vouch for
-=================================================================================
+19. A controller designed with a proof for a class of friction
+==============================================================
 
 A mass on a spring with friction is identified at four levels. Loop shaping on one level gives two loops that the check
-calls statistically robust; a PID is designed that is proved to come to rest with every friction of the class that
-the levels show. All stand around the machine: kicks from gentle to hard, frictions of the class.
+calls statistically robust. A PID is designed with a proof that the machine comes to rest with every friction of the
+class read from the levels. All run on the machine with frictions of the class and kicks from gentle to hard.
 
-What is compared: up to where ``|S|`` stays below -3 dB, stuck and sliding; the hardest kick after which the machine
-still comes to rest; how much it still swings seconds later.
+The table compares the frequency up to which ``|S|`` is below -3 dB, stuck and sliding, the hardest kick after which the
+machine comes to rest, and the oscillation seconds later.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def spring(stiffness):  # with the mass of the machine on it
 
 
 def band(K, stiffness):
-    """Up to where |S| stays below -3 dB [Hz], on the machine with a spring; nan where the loop is unstable."""
+    """Return the frequency [Hz] up to which |S| is below -3 dB with a spring; nan if the loop is unstable."""
     plant = robust.sampled(spring(stiffness), T)
     if np.abs(control.feedback(plant * K).poles()).max() > 1:
         return np.nan
@@ -54,7 +54,7 @@ def band(K, stiffness):
 
 
 def laws():
-    """The rig, whose friction creeps and lies outside the class; frictions of the class, up to its stiction."""
+    """Yield the rig, whose creeping friction is outside the class, and frictions of the class, up to its stiction."""
     yield "the rig", nlfrf.paper_rig()
     rng = np.random.default_rng(0)
     for i in range(2):
@@ -65,7 +65,7 @@ def laws():
 
 
 def shaped(crossover):
-    """Loop shaping on one level, and what the check says of it there."""
+    """Return loop shaping on one level, and its verdict by the check there."""
     K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
     return K, robust.check(model, K).verdict
 
@@ -79,7 +79,7 @@ plant = robust.sampled(model.nominal, T)
 found = {f"shaped for {crossover} Hz": shaped(crossover) for crossover in (40, 120)}
 found["PID, proved"] = proved.K, robust.check(model, proved.K).verdict
 text = [str(assumed), "", str(proved), "", f"{'':20}{'check':22}{'proof':10}{'band, stuck':>12}{'sliding':>10}"]
-text += [f"{'':20}by friction: hardest kick that comes to rest [m/s], swing left after it [m]"]
+text += [f"{'':20}by friction: hardest kick that comes to rest [m/s], oscillation after it [m]"]
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), sharey=True, layout="constrained")
 for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     proof, k = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0), assumed.stiffness_low

@@ -2,10 +2,10 @@
 20. A cascade tuned at once: position P, velocity PI and notch, on three levels of the rig
 ==========================================================================================
 
-A PLC has a position loop, a velocity loop and a notch. Each by itself says little: a machine on a spring has a zero
-under the integrator of its velocity loop, and only the position loop makes sense of it. Here all of them are chosen
-together, for three levels of motion, with a computation delay: as stiff against a force as the margins allow. Each
-level is then checked with its own set.
+A PLC has a position loop, a velocity loop and a notch. They cannot be tuned one by one: a machine on a spring has a
+zero that cancels the integrator of its velocity loop, so the position loop is needed too. Here all are tuned together,
+for three levels of motion and with a computation delay, as stiff against a force as the margins allow. Each level is
+then checked with its own set.
 """
 
 import argparse
@@ -34,7 +34,7 @@ for level, model in zip(levels, models, strict=True):
     print(f"{level:5g} N rms: spring {1 / model.nominal.dcgain():.0f} N/m, radius up to {model.radius.max():.2f}")
 
 # %%
-# All that is fixed, by signal names; the velocity is the difference that the drive takes.
+# The fixed parts, joined by signal names; the velocity is the difference of positions, as in the drive.
 T, delay = 1e-3, 0.5e-3
 velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
 system = [
@@ -50,7 +50,7 @@ blocks = {
 }
 
 # %%
-# Margins and stiffness below 0.3 Hz are hard; the peak of the compliance, in um/N, is made small.
+# Margins and stiffness below 0.3 Hz are hard; the peak of the compliance, in um/N, is minimised.
 design = robust.tune(
     system,
     Plants(models, inputs="force", outputs="y"),
@@ -67,7 +67,7 @@ K_x, K_v = design.blocks["K_x"], design.blocks["K_v"]
 print(f"into the drive: Kv = {K_x.kp:.4g} 1/s, Kp = {K_v.kp:.4g} Ns/m, Tn = {1e3 * K_v.kp / K_v.ki:.4g} ms")
 
 # %%
-# The proof, level by level: only ``check`` says robust.
+# The proof, level by level, by ``check``.
 K = design.controller("y", "u")
 for level, model in zip(levels, models, strict=True):
     report = robust.check(model, K, delay=delay)

@@ -2,8 +2,8 @@
 21. A servo axis in an afternoon: from the traces of its drive to gains with a proof
 ====================================================================================
 
-The axis is a simulated linear motor of 12 kg under a drive at 4 kHz, with friction that sticks. Set points to play and
-traces to read are files. On a machine of your own, your drive plays and records them instead.
+The axis is a simulated linear motor of 12 kg under a drive at 4 kHz, with friction that sticks. Set points and
+traces are files. With your own machine, your drive plays and records them.
 """
 
 import argparse
@@ -25,7 +25,7 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 # %%
-# What is known before: mass and force constant from the data sheet, and soft gains with which the axis stands still.
+# Given: mass and force constant from the data sheet, and soft gains with which the axis stands still.
 machine = nlfrf.servo_axis("linear motor")
 machine = replace(machine, drive=replace(machine.drive, kv=20, kp=40, tn=0.05))
 rough = nlfrf.rig.ServoAxis(motor_inertia=12, drive=machine.drive)
@@ -40,7 +40,7 @@ def play(experiment, name, axis=machine):
 
 
 # %%
-# The pre-test: one multisine at rising levels says which levels stick, bend and slide.
+# The pre-test: one multisine at rising levels shows the levels that stick, bend and slide.
 period = {"fs": 4000, "n_samples": 4000}
 ramp = design_ramp(rough, nlfrf.multisine(**period, f_min=4, f_max=100, rng=1), limits=limits)
 levels = find_levels(play(ramp, "ramp"), ramp)
@@ -81,8 +81,8 @@ print(f"\n--- gains with more margin ---\n{after}")
 (out / "FB_Axis.st").write_text(servo.structured_text(better, name="FB_Axis"))
 
 # %%
-# A year later the friction has doubled. In motion it is still the machine of the model. The levels at rest, read
-# again, say what changed: the proof stands while K0 and stiction stay below what it assumes, the bound grows.
+# A year later the friction has doubled. In motion the machine still fits the model. The levels at rest show the
+# change: the proof still holds if K0 and stiction are below its assumptions, but the bound grows.
 law = machine.motor_friction
 worn = replace(machine, motor_friction=replace(law, strength=tuple(2 * force for force in law.strength)))
 print("\n--- in motion, after the friction doubled ---")

@@ -2,9 +2,9 @@
 22. A family of matrix plants: from a file of eight plants to a verified proof
 ==============================================================================
 
-Two zones of an oven, heated apart and coupled by the wall between them, at eight operating points: load, fan and the
-second heater each at two values. The set that holds all eight, in the form that asks least of the loop, and one
-controller for every plant of that set, with a proof that anyone can verify.
+Two zones of an oven have separate heaters and are coupled by the wall between them. There are eight operating points:
+load, fan and the second heater, each at two values. One set contains all eight plants, in the form that restricts the
+loop least. One controller is proved for every plant of the set, and anyone can verify the proof.
 """
 
 import argparse
@@ -39,8 +39,8 @@ A, B, C, D = (np.dstack(part) for part in zip(*(control.ssdata(oven(*one)) for o
 savemat(out / "oven.mat", {"A": A, "B": B, "C": C, "D": D})
 
 # %%
-# Read again. No nominal is given: the mean response of the eight is fitted. Each form of uncertainty has a weight at
-# every frequency; what counts is that weight times T or S of the loop that is wanted, here of 8 mrad/s.
+# Load the file. No nominal is given, so the mean response of the eight is fitted. Each form of uncertainty has a weight
+# at every frequency; what counts is this weight times T or S of the wanted loop, here with 8 mrad/s.
 content = loadmat(out / "oven.mat")
 plants = [control.ss(*(content[name][..., k] for name in "ABCD")) for k in range(content["A"].shape[2])]
 bandwidth = 8e-3  # rad/s
@@ -48,22 +48,22 @@ ranking = robust.models.choose_form(plants, omega_B=bandwidth)
 print(f"form and largest weight times T or S:\n{ranking}\n")
 
 # %%
-# The set. "LTI" is a claim: that the oven is one linear plant of the set, at whichever operating point.
+# The set. "LTI" is a claim: at every operating point the oven is one linear plant of the set.
 model = robust.uncertainty(plants, form=ranking.best, order=2, perturbation="LTI")
 print(model, model.origin.source, sep="\n")
 distances = [model.distance(plant).max() for plant in plants]
-print(f"the eight plants lie inside: the farthest at {max(distances):.3f} of the way to the border")
+print(f"the set contains the eight plants: the farthest is at {max(distances):.3f} of the distance to its boundary")
 
 # %%
-# D-K iteration for every plant of the set: an error below 1 % at rest, a fifth of that
-# bandwidth where the error is to stay below one, and limited heating.
+# D-K iteration for every plant of the set: an error below 1 % at rest, a bandwidth of
+# a fifth of the wanted one, and limited heating.
 w_P = robust.performance_weight(0.2 * bandwidth, M_S=2.0, A=1e-2)
 w_u = 0.2 * control.tf([60, 0.1], [6, 10])
 design = robust.dk_iteration(model, w_P=w_P, w_u=w_u, n_rounds=4, order=2)
 print(f"\n{design}")
 
 # %%
-# The verdict, and the proofs: saved, and verified from the files alone by code that shares nothing with the search.
+# The verdict, and the proofs: saved, and verified from the files alone by code that is independent of the search.
 report = robust.check(model, design.K, w_P=w_P)
 print(f"\n{report}")
 robust.save(model, out / "model.json")
@@ -77,7 +77,7 @@ found = robust.io.verify_certificate(
 print(f"\n{found}\nverified: {found.verified}")
 
 # %%
-# The eight loops: the step of zone 1, and what zone 2 feels of it. Every plant of the family, and more, was proved.
+# The eight loops: a step of zone 1, and its effect on zone 2. The proof covers all plants of the family, and more.
 t = np.linspace(0, 3600, 600)
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), layout="constrained")
 for plant in plants:

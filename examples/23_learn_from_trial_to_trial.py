@@ -2,9 +2,9 @@
 23. Learn from trial to trial: a move that repeats, with friction
 =================================================================
 
-A machine that makes the same move again makes the same error again: what friction leaves of it, feedback does not
-remove. Iterative learning control takes the error of a trial into the input of the next one. The filter is designed
-for the whole set of plants that one record gives, on the friction rig and on a simulated linear motor under its drive.
+A machine that repeats a move repeats its error, and feedback is too slow to remove the error by friction. Iterative
+learning control corrects the input of the next trial with the error of the last one. The filter is designed for the
+whole set of plants from one record, on the friction rig and on a simulated linear motor under its drive.
 """
 
 import argparse
@@ -58,7 +58,7 @@ def learn(learning, trial, n):
 
 
 # %%
-# The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move slides, too.
+# The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move slides too.
 rig, T, n = nlfrf.paper_rig(), 1e-3, 1000
 ms = nlfrf.multisine("special-odd", fs=4096, n_samples=8192, f_min=2, f_max=250, rms=8.0, rng=1)
 bla = nlfrf.identify(nlfrf.simulate(rig, ms, n_periods=2, oversampling=2))
@@ -95,7 +95,7 @@ def trial(u):
 axis_errors = learn(on_axis, trial, 4000)
 
 # %%
-# The picture: the factor that every plant of the set has at most, and the errors.
+# The picture: the largest factor over the set, and the errors.
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
 plot_contraction(on_axis, ax=left)
 plot_trials(rig_errors, ax=right)

@@ -45,7 +45,7 @@ app = Commands(
     rich_markup_mode=None,  # units stand in brackets
 )
 
-#: Parameters of the library whose option has another name.
+#: Parameters of the library whose options have other names.
 _OPTIONS = LOAD_OPTIONS | {
     "n_periods": "periods",
     "n_realizations": "realizations",
@@ -57,9 +57,9 @@ _OPTIONS = LOAD_OPTIONS | {
     "columns": "columns",
 }
 _MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
-_SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
+_SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids without some of the odd lines
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
-Identify = Callable[..., Any]  # `nlfrf.identify` with its options: of one record a Bla, of several a list of them
+Identify = Callable[..., Any]  # `nlfrf.identify` with its options: a Bla for one record, a list for several
 
 
 @app.callback()
@@ -78,25 +78,23 @@ def design(
     rms: Annotated[float, typer.Option(help="Root mean square of the signal.")] = 1.0,
     log_lines: Annotated[int | None, typer.Option(help="Keep about this many lines, spaced logarithmically.")] = None,
     crest: Annotated[
-        float | None, typer.Option(help="Lower the crest factor to this; phases are then not random.")
+        float | None, typer.Option(help="Lower the crest factor to this; the phases are then not random.")
     ] = None,
     realizations: Annotated[int, typer.Option(help="Realisations, with independent phases.")] = 1,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
-    hold: Annotated[
-        str, typer.Option(help="How it is played between its samples: zoh, band-limited or unknown.")
-    ] = "unknown",
-    inputs: Annotated[int, typer.Option(help="Inputs of the machine: so many experiments make a set.")] = 1,
+    hold: Annotated[str, typer.Option(help="Signal between its samples: zoh, band-limited or unknown.")] = "unknown",
+    inputs: Annotated[int, typer.Option(help="Inputs of the machine; one experiment for each makes a set.")] = 1,
     zippered: Annotated[
-        bool, typer.Option("--zippered", help="Several inputs in one experiment, each on lines of its own.")
+        bool, typer.Option("--zippered", help="Several inputs in one experiment, each with its own lines.")
     ] = False,
-    draws: Annotated[int, typer.Option(help="Draw the phases of several inputs this often, keep the lowest peak.")] = 1,
+    draws: Annotated[int, typer.Option(help="Draws of the phases for several inputs; the lowest peak is kept.")] = 1,
     decimal: Decimal = ".",
 ) -> None:
-    """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
+    """Design a random-phase multisine, and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     if inputs > 1 and crest is not None:
-        raise ValueError(f"--crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
+        raise ValueError(f"--crest must be left out for several inputs, got {crest:g}: lower the peaks by --draws")
     if inputs <= 1 and (zippered or draws != 1):
-        raise ValueError(f"--inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
+        raise ValueError(f"--inputs must be 2 or more for --{'zippered' if zippered else 'draws'}, got {inputs}")
     ms = nlfrf.multisine(
         kind,
         fs=fs,
@@ -118,35 +116,39 @@ def design(
     nlfrf.save(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
         print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
-    several = f", {format_count(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
+    several = f", {format_count(ms.phase.shape[-2], 'experiment')} with {inputs} inputs" if inputs > 1 else ""
     print(
-        f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
+        f"{ms.kind} multisine, {ms.f.size} excited lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
         f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}{several}"
     )
 
 
 @app.command()
 def simulate(
-    file: Annotated[Path, typer.Argument(help="Multisine written by 'nlfrf design'.")],
+    file: Annotated[Path, typer.Argument(help="Multisine from 'nlfrf design'.")],
     out: Out,
     periods: Annotated[int, typer.Option(help="Periods to keep.")] = 2,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 2,
-    mass: Annotated[float | None, typer.Option(help="Mass [kg] instead of the paper's 1.")] = None,
-    stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass [kg]; default: 1, as in the paper.")] = None,
+    stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m]; default: 80000, as in the paper.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of that noise.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the noise.")] = None,
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
-    resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Folder for finished realisations, to resume an interrupted run.")
+    ] = None,
     decimal: Decimal = ".",
 ) -> None:
     """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out.
 
-    A multisine of two inputs goes through a stage of two coupled axes with friction.
+    A multisine with two inputs runs a stage of two coupled axes with friction.
     """
     ms = load_design(file)
     several = not ms.is_single
     if several and (mass is not None or stiffness is not None):
-        raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
+        raise ValueError(
+            "mass and stiffness must be left out for two inputs: the stage of two axes has its own, got one"
+        )
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
     changed: dict[str, ArrayField] = {
         name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None
@@ -172,16 +174,16 @@ def simulate(
 
 @app.command()
 def inspect(
-    file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' reads.")],
+    file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' can read.")],
     picture: Annotated[
         Path | None,
-        typer.Option("--plot", "--picture", help="Draw the record, and what was found in it, as .png, .pdf or .svg."),
+        typer.Option("--plot", "--picture", help="Draw the record and its findings as .png, .pdf or .svg."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
+    """Show the content of a measurement file, a guess at input, output and period, and the command to run."""
     if picture is not None and len(file) > 1:
-        raise ValueError(f"--plot must be of one file, got {len(file)}")
+        raise ValueError(f"--plot must have one file to draw, got {len(file)}")
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
     if picture is not None:
@@ -195,55 +197,58 @@ def inspect(
 def identify(
     file: Annotated[
         list[Path],
-        typer.Argument(help="Measured record, see 'nlfrf inspect'; several are realisations of one experiment."),
+        typer.Argument(help="Measured record (see 'nlfrf inspect'); several files are realisations of one experiment."),
     ],
     out: Out,
     input: Annotated[
         list[str] | None,
-        typer.Option("--input", help="Name of the input, u when not given; may be repeated, or have commas between."),
+        typer.Option(
+            "--input", help="Name of the input; default: u. Several: repeat the option, or put commas between."
+        ),
     ] = None,
     output: Annotated[
-        list[str] | None, typer.Option("--output", help="Name of the output; may be repeated, or have commas between.")
+        list[str] | None, typer.Option("--output", help="Name of the output; default: y. Several: as for --input.")
     ] = None,
     reference: Annotated[
         list[str] | None,
-        typer.Option(help="Name of the reference, for closed loop or noisy input; as many as inputs, given like them."),
+        typer.Option(help="Name of the reference, for a closed loop or a noisy input; one for each input."),
     ] = None,
     units: Annotated[
         list[str] | None,
-        typer.Option(help="Units of the inputs, then of the outputs, where the file says none: N,m. Given like them."),
+        typer.Option(help="Units of the inputs, then of the outputs, if the file has none: N,m."),
     ] = None,
-    design: Annotated[
-        Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it (.npz, .h5).")
-    ] = None,
-    hold: Annotated[
-        str | None, typer.Option(help="How the input runs between its samples: zoh or band-limited.")
-    ] = None,
-    fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
-    period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
+    design: Annotated[Path | None, typer.Option(help="The excitation, from 'nlfrf design' (.npz, .h5).")] = None,
+    hold: Annotated[str | None, typer.Option(help="Input between its samples: zoh or band-limited.")] = None,
+    fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; default: from the file.")] = None,
+    period: Annotated[int | None, typer.Option(help="Samples in one period; default: found in the input.")] = None,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
     resample: Annotated[
-        bool, typer.Option("--resample", help="Cut the periods where the input shows they are, on an even clock.")
+        bool,
+        typer.Option("--resample", help="Cut the periods where they begin in the input, and resample them evenly."),
     ] = False,
     start: Annotated[
         list[float] | None,
-        typer.Option(help="Cut out of each file from here [s after its first row]; may be repeated."),
+        typer.Option(help="Start of the part to use [s after the first row]; may be repeated."),
     ] = None,
     stop: Annotated[
-        list[float] | None, typer.Option(help="Cut up to here; each --start with its --stop is a realisation.")
+        list[float] | None, typer.Option(help="End of this part; each --start with its --stop is a realisation.")
     ] = None,
-    transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
-    level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
-    detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
-    opinion: Annotated[bool, typer.Option("--opinion", help="Compare with the roughness of the FRF.")] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="Write a table, too: mid-bla.csv beside mid.npz.")] = False,
+    transient: Annotated[str, typer.Option(help="Removal of the transient: auto, none, discard or local.")] = "auto",
+    level_from: Annotated[
+        str, typer.Option(help="Source of the distortion level: auto, detection or roughness.")
+    ] = "auto",
+    detection: Annotated[int, typer.Option(help="Number of detection lines to average for one level.")] = 6,
+    opinion: Annotated[
+        bool, typer.Option("--opinion", help="Compare the distortion level with the roughness of the FRF.")
+    ] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Write a table too: mid-bla.csv beside mid.npz.")] = False,
     decimal: Decimal = ".",
     json: Json = False,
 ) -> None:
-    """Best linear approximation, distortion level and bound from a measured record.
+    """Identify the best linear approximation, distortion level and bound from a measured record.
 
-    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix
-    in one file, or a table of it (.csv); each file that is read is then one experiment.
+    With several outputs each has its own file: bla.npz becomes bla-OUTPUT.npz. Several inputs give a matrix in one
+    file, or its table (.csv); each FILE is then one experiment.
     """
     inputs, outputs, references = (
         _split_names(input or ["u"]),
@@ -300,7 +305,7 @@ def _identify_experiment(
     json: bool,
     decimal: str,
 ) -> None:
-    """The BLA of each direction of a base motion, of each level of a ramp, or the one at rest."""
+    """Identify a BLA for each direction of a base motion, for each level of a ramp, or for an axis at rest."""
     records = nlfrf.io.load_trace(files, experiment, u=names[0], y=names[1], fs=fs)
     labels = list(experiment.labels)[-len(records) :]
     targets = _output_paths(out, labels)
@@ -318,7 +323,7 @@ def _identify_each(
     json: bool,
     decimal: str,
 ) -> None:
-    """Identify records of one input and output; write each to the file of its label, and a table where `csv` is set."""
+    """Identify records with one input and output; write each to the file of its label, and a table if `csv` is set."""
     blas = dict(zip(targets, how(records), strict=True))
     for record, (label, bla) in zip(records, blas.items(), strict=True):
         nlfrf.save(bla, targets[label])
@@ -332,24 +337,23 @@ def _identify_each(
 
 @app.command()
 def frf(
-    file: Annotated[Path, typer.Argument(help="FRF of another program: table, universal file, Touchstone, array.")],
+    file: Annotated[Path, typer.Argument(help="FRF from another program: table, universal file, Touchstone, array.")],
     out: Out,
     relative_std: Annotated[
-        float | None, typer.Option(help="Its standard deviation over |G|, from repeated sweeps: 0.1 dB is 0.012.")
+        float | None,
+        typer.Option(help="Standard deviation of the FRF over |G|, from repeated sweeps: 0.1 dB is 0.012."),
     ] = None,
     averages: Annotated[
-        float | None, typer.Option(help="Independent averages behind its coherence, or sweeps.")
+        float | None, typer.Option(help="Number of independent averages behind the coherence, or of sweeps.")
     ] = None,
-    channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
+    channel: Annotated[str, typer.Option(help="Name of the FRF in a file with several, such as CH2.")] = "",
     columns: Annotated[
-        str, typer.Option(help="What its columns are: 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=.")
+        str, typer.Option(help="Meaning of the columns: 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=.")
     ] = "",
-    hold: Annotated[
-        str, typer.Option(help="How its input ran between samples: zoh, band-limited, unknown.")
-    ] = "unknown",
+    hold: Annotated[str, typer.Option(help="Input between its samples: zoh, band-limited, unknown.")] = "unknown",
     json: Json = False,
 ) -> None:
-    """Read an FRF of another program as a BLA (.npz), for every command that takes one."""
+    """Convert an FRF from another program to a BLA (.npz), for all commands that take one."""
     bla = nlfrf.io.load_frf(
         file, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns, hold=hold
     )
@@ -360,9 +364,9 @@ def frf(
 
 @app.command()
 def plot(
-    file: Annotated[Path, typer.Argument(help="Multisine, record, BLA or matrix written by this command.")],
+    file: Annotated[Path, typer.Argument(help="Multisine, record, BLA or matrix written by a command of nlfrf.")],
     out: Out,
-    confidence: Annotated[float, typer.Option(help="Probability of the bound that is drawn.")] = 0.95,
+    confidence: Annotated[float, typer.Option(help="Probability of the bound to draw.")] = 0.95,
 ) -> None:
     """Draw a saved result as .png, .pdf or .svg."""
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
@@ -404,7 +408,7 @@ def plot(
 
 @app.command()
 def doctor() -> None:
-    """Say what is installed here, and what is wrong with it (exit code 1)."""
+    """Show the installed versions, and what is wrong with them (exit code 1)."""
     rows, faults = examine(extra_of_file)
     for name, version, requirement in rows:
         print(f"{name:14} {version or 'not installed':16} {requirement}")
@@ -416,11 +420,11 @@ def doctor() -> None:
 
 
 def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
-    """Warn of a band of which the lines of a grid leave out much at one end."""
+    """Warn if the grid has no lines in a large part of the band at one end."""
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + _MAX_BAND_GAP) * f_min or last < (1 - _MAX_BAND_GAP) * f_max:
         warnings.warn(
-            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
+            f"the wanted band is {f_min:g} to {f_max:g} Hz, but the excited lines go from {first:g} to {last:g} Hz "
             "only; " + _suggest_lines(ms, kind, f_min),
             nlfrf.DataWarning,
             stacklevel=3,
@@ -428,16 +432,16 @@ def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) 
 
 
 def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
-    """Describe the lines of a grid at its low end, and the options that give one there."""
+    """Return the lines of a grid at its low end, and the options that give a line there, as text."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))
-        return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: ask for --period {n}"
+        return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: give --period {n}"
     if kind not in _SPARSE_GRIDS:
         return "a longer period has lines nearer to its ends"
     lines = grid_lines(kind, 1, last=int(ms.f[0] / ms.f0 + 8.5), rng=np.random.default_rng()).excited
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
     below = lines[lines * ms.f0 <= f_min]
-    ask = f"ask for --f-min {below[-1] * ms.f0:g}, " if below.size else "ask for "
+    ask = f"give --f-min {below[-1] * ms.f0:g}, " if below.size else "give "
     finer = int(np.ceil(lines[0] * ms.fs / f_min))
     return (
         f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: {ask}"
@@ -446,7 +450,7 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
 
 
 def _identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool, json: bool, decimal: str) -> None:
-    """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
+    """Identify a record with several inputs; write the matrix, and a table if `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[_table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
@@ -461,12 +465,12 @@ def _identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: boo
 
 
 def _table_path(out: Path) -> Path:
-    """Return the path of the table of a result: mid-bla.csv for mid.npz, as mid.csv is likely to be the measurement."""
+    """Return the path for the table of a result: mid-bla.csv for mid.npz, because mid.csv may be the measurement."""
     return out.with_name(f"{out.stem}.csv" if out.stem == "bla" or out.stem.endswith("-bla") else f"{out.stem}-bla.csv")
 
 
 def _with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
-    """Return a record whose channels, inputs first, have these units; a file that says another one is right."""
+    """Return a record with these units, inputs first; refuse a unit that differs from that of the file."""
     names, stated = record.inputs + record.outputs, record.input_units + record.output_units
     if not units:
         return record
@@ -480,26 +484,26 @@ def _with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
 
 
 def _with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
-    """Return records of one input and an output each with the unit of the input, and of each output in turn."""
+    """Return records of one input and different outputs, with the unit of the input and that of each output."""
     if len(units) != len(records) + 1:
         raise ValueError(f"--units must be one for the input and one for each output, got {', '.join(units)}")
     return [_with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
 
 
 def _output_paths(out: Path, outputs: list[str]) -> list[Path]:
-    """Return the path for each output, all of them different."""
+    """Return a different path for each output."""
     parts = [re.sub(r"[^\w.-]+", "_", name).strip("_") for name in outputs]  # of names of files
     targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
         raise ValueError(
-            f"--output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
+            f"--output must be names with different files, got {', '.join(map(repr, outputs))} for "
             f"{', '.join(target.name for target in dict.fromkeys(targets))}"
         )
     return targets
 
 
 def _split_names(given: list[str]) -> list[str]:
-    """Split names at commas; a name with a comma of its own stands in quotes, as in a table."""
+    """Split names at commas; a name that contains a comma is in quotes, as in a table."""
     return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
 
 

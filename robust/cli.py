@@ -40,7 +40,7 @@ from robust._base.options import Discard, Period, PlayedDesign, Reference, Resam
 from robust._base.states import FrictionVerdict, Stability
 from robust.servo.cli import servo_app
 
-#: Imported when a command uses them: help and refusals of the command line need none of them.
+#: Imported when a command uses them, so that help and refusals of the command line are fast.
 certificates, learnings, models, measured, pid, sampling, from_options, to_prove, prover, shaping_page = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
@@ -58,13 +58,13 @@ certificates, learnings, models, measured, pid, sampling, from_options, to_prove
 )
 
 app = Commands(
-    help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
+    help="Uncertainty models of measured machines, controllers for them, and checks with proofs.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units stand in brackets
 )
 
-#: Parameters of the library whose option has another name.
+#: Parameters of the library whose options have other names.
 _OPTIONS = LOAD_OPTIONS | {
     "n_poles": "poles",
     "n_zeros": "zeros",
@@ -91,40 +91,44 @@ _OPTIONS = LOAD_OPTIONS | {
 
 
 class _DesignByDefault(typer.core.TyperGroup):
-    """Commands of which `design` is meant where none is named."""
+    """Commands with `design` as the default."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the name of the command in front of its arguments."""
+        """Put `design` in front of arguments without a command."""
         return super().parse_args(ctx, args if not args or args[0] in (*self.commands, "--help") else ["design", *args])
 
 
 learn_app = Commands(
-    help="Learn the input of a trial that repeats.",
+    help="Learn the input of a repeated trial.",
     cls=_DesignByDefault,
     no_args_is_help=True,
 )
 app.add_typer(servo_app, name="servo")
 app.add_typer(learn_app, name="learn")
-_CONTROLLER_FILES = "written by 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
-_PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
+_CONTROLLER_FILES = "from 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
+_PADE_ORDER = 4  # of the computation delay in the design of a continuous loop
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
-Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
+Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; default: that of the controller file.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
-#: What acts on a loop, from which the level is predicted at which it moves the machine.
-StepHeight = Annotated[float | None, typer.Option("--reference-step", help="Level: height of a step of the reference.")]
-DisturbanceRms = Annotated[
-    float | None, typer.Option("--disturbance", help="Level: rms of white noise at the plant input.")
+#: Signals that act on a loop, from which its level is predicted.
+StepHeight = Annotated[
+    float | None, typer.Option("--reference-step", help="Level of the loop: height of a step of the reference.")
 ]
-NoiseRms = Annotated[float | None, typer.Option("--noise", help="Level: rms of white noise of the sensor.")]
+DisturbanceRms = Annotated[
+    float | None, typer.Option("--disturbance", help="Level of the loop: rms of white noise at the plant input.")
+]
+NoiseRms = Annotated[float | None, typer.Option("--noise", help="Level of the loop: rms of white noise of the sensor.")]
 NoiseBand = Annotated[
     float | None,
-    typer.Option("--up-to", help="Level: highest frequency of that noise [Hz]; needed in a continuous loop."),
+    typer.Option(
+        "--up-to", help="Level of the loop: highest frequency of the noise [Hz]; needed for a continuous loop."
+    ),
 ]
 
 
 @app.callback()
 def common(version: Version = False) -> None:
-    """Uncertainty models of measured machines, controllers for them, and a check that says what was proved."""
+    """Uncertainty models of measured machines, controllers for them, and checks with proofs."""
 
 
 @app.command()
@@ -132,62 +136,72 @@ def model(
     bla: Annotated[
         list[Path],
         typer.Argument(
-            help="BLA or matrix of 'nlfrf identify', or an FRF, see 'nlfrf inspect'; several make a family."
+            help="BLA or matrix from 'nlfrf identify', or an FRF (see 'nlfrf inspect'); several make a family."
         ),
     ],
     out: Out,
     poles: Annotated[
         int | None,
         typer.Option(
-            help="Poles of the nominal model. When not given as few as serve the loop of --bandwidth, without it as "
-            "many as the data ask for."
+            help="Poles of the nominal model; default: as few as the loop of --bandwidth needs, without --bandwidth as "
+            "many as the data need."
         ),
     ] = None,
-    zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
+    zeros: Annotated[
+        int | None, typer.Option(help="Zeros of the nominal model; default: one fewer than poles.")
+    ] = None,
     delay: Annotated[
         str | None,
         typer.Option(
-            help="Its delay [s], or 'estimate'. When not given: none with --poles, else where the phase asks for one."
+            help="Delay [s] of the nominal model, or 'estimate'; default: none with --poles, else from the phase."
         ),
     ] = None,
     bandwidth: Annotated[
         float | None,
-        typer.Option(help="Crossover [Hz] that the model is for: fit and order serve that loop, not the whole band."),
+        typer.Option(help="Crossover [Hz] of the loop for which fit and order are chosen; default: the whole band."),
     ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
         str | None,
         typer.Option(
-            help="multiplicative (default), additive, inverse-..., coprime; of a matrix elements, additive, input."
+            help="multiplicative (default), additive, inverse-..., coprime; for a matrix elements, additive, input."
         ),
     ] = None,
     order: Annotated[
         int | None,
-        typer.Option(help="Order of the weight; as many states, up to 12, as pay when not given."),
+        typer.Option(help="Order of the weight; default: chosen, up to 12."),
     ] = None,
     confidence: Annotated[
-        float, typer.Option(help="Probability that a line of another realisation is covered.")
+        float, typer.Option(help="Probability that the set contains a line of another realisation.")
     ] = 0.95,
-    simultaneous: Annotated[bool, typer.Option("--simultaneous", help="... for all lines together.")] = False,
-    no_even: Annotated[bool, typer.Option("--no-even", help="Leave the even distortion level out.")] = False,
-    systematic: Annotated[float | None, typer.Option(help="Systematic part: decibels above the odd level.")] = None,
-    below: Annotated[str, typer.Option(help="Radius below the band: 'flat' or dB/decade.")] = "flat",
-    above: Annotated[str, typer.Option(help="Radius above the band: 'flat' or dB/decade.")] = "20",
-    perturbation: Annotated[str, typer.Option(help="Class of the set: statistical, LTI or operator.")] = "statistical",
+    simultaneous: Annotated[
+        bool, typer.Option("--simultaneous", help="This probability for all lines together.")
+    ] = False,
+    no_even: Annotated[bool, typer.Option("--no-even", help="Leave out the even distortion.")] = False,
+    systematic: Annotated[
+        float | None, typer.Option(help="Systematic part of the distortion [dB above the odd level].")
+    ] = None,
+    below: Annotated[str, typer.Option(help="Radius below the band: 'flat', or its slope [dB/decade].")] = "flat",
+    above: Annotated[str, typer.Option(help="Radius above the band: 'flat', or its slope [dB/decade].")] = "20",
+    perturbation: Annotated[
+        str, typer.Option(help="Class of the perturbations: statistical, LTI or operator.")
+    ] = "statistical",
     relative_std: Annotated[
-        float | None, typer.Option(help="Of an FRF: its standard deviation over |G|, from repeated sweeps.")
+        float | None, typer.Option(help="For an FRF: standard deviation over |G|, from repeated sweeps.")
     ] = None,
     averages: Annotated[
-        float | None, typer.Option(help="Of an FRF: independent averages behind its coherence, or sweeps.")
+        float | None,
+        typer.Option(help="For an FRF: number of independent averages behind the coherence, or of sweeps."),
     ] = None,
-    channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
+    channel: Annotated[str, typer.Option(help="Name of the FRF in a file with several, such as CH2.")] = "",
     columns: Annotated[
-        str, typer.Option(help="Of an FRF: its columns, 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=.")
+        str,
+        typer.Option(help="For an FRF: its columns, 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=."),
     ] = "",
     picture: Picture = None,
 ) -> None:
-    """Fit a nominal model to a measured BLA or FRF and put a weight over what it leaves open."""
+    """Fit a nominal model to a measured BLA or FRF, and a weight to its uncertainty."""
     json_path(out)
     blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns)
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
@@ -227,50 +241,48 @@ def model(
 
 @app.command()
 def design(
-    model: Annotated[
-        Path, typer.Argument(help="Model written by 'robust model'; for pid also a BLA of 'nlfrf identify'.")
-    ],
+    model: Annotated[Path, typer.Argument(help="Model from 'robust model'; for pid also a BLA from 'nlfrf identify'.")],
     out: Out,
     bandwidth: Annotated[
         float | None,
         typer.Option(
-            help="Crossover asked for (ncfsyn; pid, where given); bandwidth of S (mixsyn) [Hz]. What the loop has of "
-            "it is printed beside it."
+            help="Wanted crossover [Hz] (ncfsyn; optional for pid), or bandwidth of S [Hz] (mixsyn). That of the loop "
+            "is printed beside it."
         ),
     ] = None,
     crossover_within: Annotated[
         float,
         typer.Option(
-            help="Largest factor between the crossover asked for and that of the loop: a limit of the design (pid), a "
-            "warning (ncfsyn). inf: at --bandwidth or above, however far."
+            help="Largest factor between the wanted crossover and that of the loop: a limit (pid) or a warning "
+            "(ncfsyn). inf: any crossover above --bandwidth."
         ),
     ] = 2.0,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
-    factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1 (ncfsyn).")] = 1.1,
+    factor: Annotated[float, typer.Option(help="gamma over the smallest possible gamma, above 1 (ncfsyn).")] = 1.1,
     method: Annotated[
         str,
         typer.Option(help="ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the FRF."),
     ] = "ncfsyn",
     structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
     positive_gains: Annotated[
-        bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC wants them (pid).")
+        bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC needs them (pid).")
     ] = False,
     filter_time: Annotated[
-        float | None, typer.Option(help="Time constant of the derivative filter [s]; chosen when not given (pid).")
+        float | None, typer.Option(help="Time constant of the derivative filter [s]; default: chosen (pid).")
     ] = None,
     plant_integrators: Annotated[
-        int | None, typer.Option(help="Integrators of the plant; read from the FRF when not given (pid).")
+        int | None, typer.Option(help="Integrators of the plant; default: read from the FRF (pid).")
     ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     peak_t: Annotated[float | None, typer.Option(help="Largest |T| allowed (pid).")] = None,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
     json: Json = False,
 ) -> None:
-    """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure.
+    """Design a controller by loop shaping (Glover & McFarlane), by mixed sensitivity, or with a fixed structure.
 
-    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same; 3
-    where the FRF leaves open whether the loop is stable, with what would decide it.
+    Exit code 0: every limit is met. Exit code 1: not every limit is met; the best controller is written. Exit code 3:
+    the FRF does not decide whether the loop is stable; the text names what would.
     """
     json_path(out)
     method = method.lower()
@@ -286,7 +298,7 @@ def design(
         ("plant-integrators", plant_integrators),
     ):
         if given is not None and given is not False and method != "pid":
-            raise ValueError(f"--{option} must be asked of --method pid, got it with {method}")
+            raise ValueError(f"--{option} must be given with --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
         plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
@@ -328,45 +340,45 @@ def design(
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
         say(f"{advice}\n{_describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
-        say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
+        say("gamma above 4: the plant does not allow this shape of the loop; choose another --bandwidth")
     short = method == "mixsyn" and result.gamma > 1
     if short:
-        say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
+        say("gamma above 1: demands and uncertainty cannot both be met; choose another --bandwidth")
     finish_command(result, result.met and not short, json, code=3 if undecided else 1)
 
 
 @app.command()
 def check(
-    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[list[Path], typer.Argument(help=f"Controllers: {_CONTROLLER_FILES}.")],
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
     peak: Annotated[
-        float, typer.Option(help="Largest |S| over the set without a warning; with --bandwidth it is demanded.")
+        float, typer.Option(help="Largest |S| over the set without a warning; with --bandwidth it is required.")
     ] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
-    no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
+    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
+    no_certify: Annotated[bool, typer.Option("--no-certify", help="Check on a grid only, without proof.")] = False,
     proof: Annotated[
-        str, typer.Option(help="Proof of one loop: exact, lmi (a matrix from cvxpy, verified exactly) or both.")
+        str, typer.Option(help="Proof of a single loop: exact, lmi (a matrix from cvxpy, verified exactly) or both.")
     ] = "exact",
     solver: Annotated[
-        str | None, typer.Option(help="CLARABEL or SCS, for --proof lmi and several channels; both when not given.")
+        str | None, typer.Option(help="CLARABEL or SCS, for --proof lmi and several channels; default: both.")
     ] = None,
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
     noise: NoiseRms = None,
     up_to: NoiseBand = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Report to write (.txt); its certificate comes beside it.")
+        Path | None, typer.Option("--out", "-o", help="Report to write (.txt), with its certificate beside it.")
     ] = None,
     picture: Picture = None,
     json: Json = False,
 ) -> None:
     """Check controllers against a model: nominal stability, the whole set, and a proof over all frequencies.
 
-    Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
-    A warning of thin margins, |S| above --peak over the set, leaves it as it is.
-    Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
+    Exit code 0: every loop is proved stable with the whole set, and the demand, if there is one, is met. Exit code 1:
+    not so. A warning of thin margins, |S| above --peak over the set, does not change the exit code.
+    With several controllers each has its own files: report.txt becomes report-CONTROLLER.txt.
     """
     _require_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
@@ -407,13 +419,17 @@ def check(
 
 @app.command()
 def verify(
-    file: Annotated[Path, typer.Argument(help="Certificate of 'robust check' or 'robust prove' (.certificate.json).")],
-    model: Annotated[Path | None, typer.Option(help="Model that it has to be about.")] = None,
-    controller: Annotated[Path | None, typer.Option(help="Controller that it has to be about.")] = None,
-    seconds: Annotated[float, typer.Option(help="Time after which what is left counts as not verified.")] = 60.0,
+    file: Annotated[
+        Path, typer.Argument(help="Certificate from 'robust check' or 'robust prove' (.certificate.json).")
+    ],
+    model: Annotated[Path | None, typer.Option(help="Model that must be the one in the certificate.")] = None,
+    controller: Annotated[Path | None, typer.Option(help="Controller that must be the one in the certificate.")] = None,
+    seconds: Annotated[
+        float, typer.Option(help="Processor time [s] after which the rest counts as not verified.")
+    ] = 60.0,
     json: Json = False,
 ) -> None:
-    """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
+    """Prove a certificate again, with all rounding outward (exit code 1: a claim is not proved)."""
     plant = None if model is None else models.load_model(model)
     K = None if controller is None else from_options.load_controller(controller)[0]
     with spinner("verifying"):
@@ -426,39 +442,42 @@ def verify(
 def prove(
     machine: Annotated[
         list[Path],
-        typer.Argument(help="Model written by 'robust model', or BLAs or records at three levels or more."),
+        typer.Argument(help="Model from 'robust model', or BLAs or records at three levels or more."),
     ],
     controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     stiffness: Annotated[
-        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the levels otherwise.")
+        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; default: read from the levels.")
     ] = None,
     nominal: Annotated[
-        Path | None, typer.Option(help="With BLAs: model of one level, for a flexible machine or one with a delay.")
+        Path | None, typer.Option(help="With BLAs: model of one level, for a machine that is flexible or has a delay.")
     ] = None,
-    free: Annotated[bool, typer.Option("--free", help="With records: there is no spring to ground.")] = False,
-    masses: Annotated[int, typer.Option(help="2: with records, a motor and a load; takes up to half a minute.")] = 1,
+    free: Annotated[bool, typer.Option("--free", help="With records: the machine has no spring to ground.")] = False,
+    masses: Annotated[
+        int, typer.Option(help="2: with records, a motor and a load, which takes up to half a minute.")
+    ] = 1,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
-    force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
-    input: Annotated[str | None, typer.Option("--input", help="Name of the force in traces, u when not given.")] = None,
-    output: Annotated[
-        str | None, typer.Option("--output", help="Name of the position in traces, y when not given.")
+    force: Annotated[
+        float | None,
+        typer.Option(help="Largest friction force [N], for a bound of the hunting or a kick that destabilises."),
     ] = None,
+    input: Annotated[str | None, typer.Option("--input", help="Name of the force in traces; default: u.")] = None,
+    output: Annotated[str | None, typer.Option("--output", help="Name of the position in traces; default: y.")] = None,
     reference: Reference = None,
     fs: SamplingFrequency = None,
     period: Period = None,
     discard: Discard = 0,
     resample: Resample = False,
     design: PlayedDesign = None,
-    hold: Annotated[
-        str | None, typer.Option(help="How the force runs between its samples: zoh or band-limited.")
+    hold: Annotated[str | None, typer.Option(help="Force between its samples: zoh or band-limited.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Result to write (.txt), with its certificates beside it.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result (.txt), its certificates beside it.")] = None,
     json: Json = False,
 ) -> None:
-    """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it.
+    """Prove that a machine comes to rest with every friction of a class, or find a friction with which it does not.
 
-    Exit code 0 where it is proved, of every machine; 1 where not.
+    Exit code 0: proved for every machine. Exit code 1: not proved.
     """
     if out is not None:
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
@@ -490,18 +509,18 @@ def prove(
 
 @learn_app.command("design")
 def design_learning(
-    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[Path, typer.Argument(help="Sampled controller that stays in the loop.")],
     out: Out,
     factor: Annotated[float, typer.Option(help="Largest factor per trial, for every plant of the set.")] = 0.8,
     cutoff: Annotated[
-        float | None, typer.Option(help="Cut-off of Q [Hz]; the highest in the band with that factor when not given.")
+        float | None, typer.Option(help="Cut-off of Q [Hz]; default: the highest in the band with this factor.")
     ] = None,
-    limit: Annotated[float, typer.Option(help="Largest |u| that is learned, in the unit of u.")] = np.inf,
+    limit: Annotated[float, typer.Option(help="Largest learned |u|, in the unit of u.")] = np.inf,
     delay: Delay = None,
     picture: Picture = None,
 ) -> None:
-    """Design a learning filter for a loop whose trials repeat (the word design may be left out)."""
+    """Design a learning filter for a loop with repeated trials (the word design may be left out)."""
     plant = models.load_model(model)
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     omega_Q = None if cutoff is None else 2 * np.pi * require_positive("--cutoff", cutoff)
@@ -517,12 +536,12 @@ def design_learning(
 
 @learn_app.command("step")
 def step_learning(
-    learning: Annotated[Path, typer.Argument(help="Filter written by 'robust learn'.")],
-    u: Annotated[Path, typer.Argument(help="Input that was added in the trial (.csv): its last column.")],
-    e: Annotated[Path, typer.Argument(help="Error r - y of the trial (.csv): its last column.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Input of the next trial to write (.csv).")],
+    learning: Annotated[Path, typer.Argument(help="Filter from 'robust learn'.")],
+    u: Annotated[Path, typer.Argument(help="Added input of the trial: the last column of a .csv.")],
+    e: Annotated[Path, typer.Argument(help="Error r - y of the trial: the last column of a .csv.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File for the input of the next trial (.csv).")],
 ) -> None:
-    """Compute the input of the next trial from input and error of the last, sampled with the controller."""
+    """Compute the input of the next trial from input and error of the last trial, sampled like the controller."""
     filters = learnings.load_learning(learning)
     found = filters.update(from_options.read_last_column(u), from_options.read_last_column(e))
     rows = [f"{k * filters.dt:.12g},{sample!r}" for k, sample in enumerate(found.tolist())]
@@ -532,17 +551,19 @@ def step_learning(
 
 @app.command()
 def orders(
-    bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
+    bla: Annotated[list[Path], typer.Argument(help="BLA from 'nlfrf identify'; several make a plant family.")],
     most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,
     relative_degree: Annotated[
-        int | None, typer.Option(help="Poles more than zeros; when not given 1, or what is likelier.")
+        int | None, typer.Option(help="Poles minus zeros; default: 1, or a likelier number.")
     ] = None,
-    delay: Annotated[str, typer.Option(help="Delay [s], 'estimate', or 'auto': where the phase asks for it.")] = "auto",
-    bandwidth: Annotated[float | None, typer.Option(help="Crossover [Hz] that the model is for.")] = None,
+    delay: Annotated[str, typer.Option(help="Delay [s], 'estimate', or 'auto': if the phase shows one.")] = "auto",
+    bandwidth: Annotated[
+        float | None, typer.Option(help="Crossover [Hz] of the loop for which the order is chosen.")
+    ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")] = 0.0,
     picture: Picture = None,
 ) -> None:
-    """Fit nominal models of growing order and say which one serves a loop, or which one the data ask for."""
+    """Fit nominal models of growing order, and choose the one that a loop or the data need."""
     with spinner("fitting nominal models"):
         scan = robust.models.scan_orders(
             from_options.load_blas(bla),
@@ -564,7 +585,7 @@ def export(
     file: Annotated[
         Path,
         typer.Argument(
-            help="Model, controller or certificate of 'robust check --proof lmi' (.json), or a PID (.toml)."
+            help="Model, controller or certificate from 'robust check --proof lmi' (.json), or a PID (.toml)."
         ),
     ],
     out: Annotated[
@@ -579,10 +600,11 @@ def export(
         str | None, typer.Option(help="Code: float32 (default in C) or float64 (default in structured text).")
     ] = None,
     limit: Annotated[
-        list[float] | None, typer.Option(help="Code: largest |u|; given twice the least and the largest u.")
+        list[float] | None, typer.Option(help="Code: largest |u|; given twice: smallest and largest u.")
     ] = None,
     rounded: Annotated[
-        Path | None, typer.Option(help="Code: the controller with rounded coefficients, to check again (.json).")
+        Path | None,
+        typer.Option(help="Code: file for the controller with rounded coefficients, to check it again (.json)."),
     ] = None,
 ) -> None:
     """Write a model or controller for MATLAB (.mat), a model for python-control (.py), or a controller as code.
@@ -591,7 +613,7 @@ def export(
     """
     is_code = out.suffix in (".h", ".st")
     if not is_code and (dtype or limit or rounded):
-        raise ValueError(f"--dtype, --limit and --rounded must be left out but for .h and .st, got {out}")
+        raise ValueError(f"--dtype, --limit and --rounded must be left out except for .h and .st, got {out}")
     if is_code:
         K, (late, unit) = models.load_controller(file), models.load_controller_context(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
@@ -611,7 +633,7 @@ def export(
         sections = robust.io.controller_sections(from_options.load_controller(file)[0])
         if isinstance(sections, tuple):
             raise ValueError(
-                f"file must be a controller of one loop to be written as sections, got {len(sections)} in {file}"
+                f"file must be a controller with one input and output for .csv, got {len(sections)} channels in {file}"
             )
         rows = [",".join(map(repr, row)) for row in sections.tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
@@ -621,23 +643,23 @@ def export(
 
 @app.command()
 def reduce(
-    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     out: Out,
     order: Annotated[
-        int | None, typer.Option(help="This order and no other; when not given the lowest that keeps what was proved.")
+        int | None, typer.Option(help="Order to reach; default: the lowest that keeps all proofs.")
     ] = None,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
-    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
-    candidates: Annotated[int, typer.Option(help="Reduced controllers to look at.")] = 300,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
+    candidates: Annotated[int, typer.Option(help="Number of reduced controllers to try.")] = 300,
     json: Json = False,
 ) -> None:
-    """Lower the order of a controller as far as the check proves what it proved before.
+    """Lower the order of a controller as far as the check still proves everything that it proved before.
 
-    Exit code 0 where all of it is kept, also where no lower order keeps it and the controller is written as it was; 1
-    where --order loses some of it, with the controller written all the same.
+    Exit code 0: all proofs are kept. If no lower order keeps them, the controller is written unchanged. Exit code 1:
+    --order loses a proof; the controller is written.
     """
     json_path(out)
     _require_demand(bandwidth, error)
@@ -653,48 +675,56 @@ def reduce(
 
 @app.command()
 def report(
-    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Report to write (.html).")],
     bla: Annotated[
-        list[Path] | None, typer.Option("--bla", help="BLA behind the model; may be repeated. Found from the record.")
+        list[Path] | None,
+        typer.Option("--bla", help="BLA behind the model; may be repeated. Default: identified from the record."),
     ] = None,
     record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
     input: Annotated[
-        str | None, typer.Option("--input", help="Name of the input in the record; that of the model when not given.")
+        str | None, typer.Option("--input", help="Name of the input in the record; default: that of the model.")
     ] = None,
     output: Annotated[
-        str | None, typer.Option("--output", help="Name of the output in the record; that of the model when not given.")
+        str | None, typer.Option("--output", help="Name of the output in the record; default: that of the model.")
     ] = None,
     reference: Annotated[
         list[str] | None, typer.Option(help="Name of the reference in the record; may be repeated, one for each input.")
     ] = None,
-    fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
-    period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
-    discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
+    fs: Annotated[
+        float | None, typer.Option(help="Sampling frequency of the record [Hz]; default: from the file.")
+    ] = None,
+    period: Annotated[
+        int | None, typer.Option(help="Samples in one period of the record; default: found in the input.")
+    ] = None,
+    discard: Annotated[int, typer.Option(help="Periods to leave out at the start of the record.")] = 0,
     resample: Resample = False,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
-    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
     stiffness: Annotated[
-        float | None, typer.Option(help="Presliding stiffness of friction [N/m]: prove for it too, beside the check.")
+        float | None,
+        typer.Option(help="Presliding stiffness of the friction [N/m], for a proof with friction beside the check."),
     ] = None,
-    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider, for that proof.")] = 1.5,
+    stiction: Annotated[
+        float, typer.Option(help="Largest over smallest force of a slider, for the proof with friction.")
+    ] = 1.5,
     force: Annotated[
-        float | None, typer.Option(help="Largest friction force [N], for the kick it runs away from.")
+        float | None, typer.Option(help="Largest friction force [N], for a kick after which the loop runs away.")
     ] = None,
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
     noise: NoiseRms = None,
     up_to: NoiseBand = None,
     title: Annotated[str, typer.Option(help="Heading of the report.")] = "Controller report",
-    notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
+    notes: Annotated[str, typer.Option(help="Further text for the reader.")] = "",
 ) -> None:
-    """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof.
+    """Write a whole run as one HTML file: record, BLA, model, controller, check and proof.
 
-    Exit code 0 where the loop is proved stable for the whole set, the demand met where there is one, and the friction
-    proved where it was asked for; 1 where not, with the page written all the same.
+    Exit code 0: the loop is proved stable with the whole set, and the demand and the proof with friction, if there are
+    any, hold. Exit code 1: not so; the page is written.
     """
     _require_demand(bandwidth, error)
     plant = models.load_model(model)
@@ -742,16 +772,18 @@ def report(
 
 @app.command()
 def shape(
-    model: Annotated[list[Path], typer.Argument(help="Model written by 'robust model'; several are shown together.")],
+    model: Annotated[list[Path], typer.Argument(help="Model from 'robust model'; several are shown together.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Page to write (.html).")],
-    controller: Annotated[Path | None, typer.Option(help="Controller to begin with.")] = None,
+    controller: Annotated[
+        Path | None, typer.Option(help="Controller at the start; default: made for the plant.")
+    ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
-    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
 ) -> None:
-    """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
+    """Write a page to shape a loop by hand in any browser; it needs no server and proves nothing."""
     _require_demand(bandwidth, error)
     models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
@@ -771,16 +803,16 @@ def _synthesise(
     dt: float,
     delay: float,
 ) -> tuple[robust.UncertaintyModel, robust.Design]:
-    """Return a model from its file and its controller by H-infinity; peak, error and factor are the demands."""
+    """Return the model in a file and its H-infinity controller; the demands are peak, error and factor."""
     if bandwidth is None:
         raise ValueError(f"--bandwidth must be given [Hz] for {method}")
     plant, (peak, error, factor) = models.load_model(model), demands
     if delay and not plant.is_single and plant.nominal.dt:
         raise ValueError(
-            f"--delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
+            f"--delay must be left out for several channels, got {delay:g} s: give it to robust model --delay"
         )
     if plant.measured_only:
-        raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
+        raise ValueError(f"model must have a parametric nominal for a design, got {model} with a measured FRF")
     if method == "mixsyn":
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
         found = robust.mixsyn(plant, w_P, dt=dt, delay=delay)
@@ -791,7 +823,7 @@ def _synthesise(
         G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=_PADE_ORDER)
         found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
     if not found.met:
-        raise ValueError(f"model must let a controller be found: {found.reason}")
+        raise ValueError(f"model must allow a controller, got none: {found.reason}")
     return plant, found
 
 
@@ -801,15 +833,15 @@ def _controller_file(controller: Path, out: Path | None, several: bool) -> Path 
 
 
 def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
-    """Describe where the limits of a design from the FRF were tried, and the command that proves more.
+    """Return text on the place where the limits of a design were tried, and the command that proves more.
 
-    A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
-    may fail there, and that is no contradiction.
+    A check uses the weight of a model, which covers every line and also holds outside the band. A limit that holds on
+    the lines may fail there.
     """
     model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
     if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
         return (
-            f"limits tried: on a grid, for every plant that the weight of {model} allows; a grid proves nothing\n"
+            f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves nothing\n"
             f"prove it:    robust check {model_file} {controller}"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
@@ -818,8 +850,8 @@ def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pa
     if isinstance(plant, nlfrf.Bla):
         made = shlex.quote(f"{model.stem}-model.json")
         return (
-            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight over "
-            "these bounds, which is no smaller, and may fail where the lines pass\n"
+            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight that "
+            "covers these bounds, so it may fail although the lines pass\n"
             f"prove it:    robust model {model_file} -o {made}; "
             f"robust check {made} {controller}"
         )
@@ -827,14 +859,14 @@ def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pa
 
 
 def _require_demand(bandwidth: float | None, error: float) -> None:
-    """Refuse a demand on S by the names and in the units of its options."""
+    """Refuse a demand on S that is not positive, with the names of its options."""
     require_positive("--error", error)
     if bandwidth is not None:
         require_positive("--bandwidth", bandwidth)
 
 
 def main() -> None:
-    """The command `robust`."""
+    """Run the command `robust`."""
     run_command("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=_OPTIONS)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 OUTPUT_PARAMETERS = ("out", "picture", "rounded")  # parameters with a file to write; every other path is read
-_OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
+_OVERWRITE_HELP = "Replace files that were not made by such a command; inputs are never replaced."
 
 
 Command = TypeVar("Command", bound=Callable[..., object])
@@ -250,12 +250,13 @@ _INTERRUPTED = 130  # exit code of an interrupted command, as in a shell
 MAX_ROWS = 64  # most numbers of an array in a JSON verdict; a longer array is given by its shape
 Decimal = Annotated[
     str,
-    typer.Option(
-        "--decimal", help="Mark of decimals in a .csv that is written: '.', or ',' with semicolons between columns."
-    ),
+    typer.Option("--decimal", help="Decimal mark of the .csv to write: '.', or ',' with semicolons between columns."),
 ]
 Json = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")
+    bool,
+    typer.Option(
+        "--json", help="Print the result as JSON, everything else on standard error; long arrays as their shape."
+    ),
 ]
 Version = Annotated[
     bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")

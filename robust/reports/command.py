@@ -1,4 +1,4 @@
-"""Reading, pictures and reports of the command `robust`, for results of one or several channels."""
+"""Files, pictures and reports of the command `robust`, for results with one or several channels."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     import control
 
 _BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
-_WITHOUT_DELAY = (".mat", ".toml")  # files of controllers that may leave the computation delay open
-_MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
+_WITHOUT_DELAY = (".mat", ".toml")  # files of controllers without a computation delay, in many cases
+_MAX_DELAY_SAMPLES = 50  # a longer delay is probably in ms; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]
 
 
@@ -57,7 +57,10 @@ def load_blas(
     channel: str = "",
     columns: str = "",
 ) -> nlfrf.Bla | list[nlfrf.Bla]:
-    """Return what was identified, its warnings repeated, or was measured as an FRF: of one kind, or a list of it."""
+    """Return the BLA or matrix of a file, with its warnings repeated, or the FRF of another program; several as a list.
+
+    All files must have the same number of channels: one, or several.
+    """
     found: list[nlfrf.Bla] = []
     for path in paths:
         own = path.suffix.lower() in _BLA_SUFFIXES
@@ -73,7 +76,7 @@ def load_blas(
             else _read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns)
         )
         if found and is_single(one) != is_single(found[0]):
-            raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
+            raise ValueError(f"bla must be all BLAs or all matrices, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found
 
@@ -81,7 +84,7 @@ def load_blas(
 def _read_frf(
     path: Path, *, relative_std: float | None, n_averages: float | None, channel: str, columns: str
 ) -> nlfrf.Bla:
-    """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
+    """Return an FRF of another program; without a variance the error has the command that makes a BLA of it."""
     try:
         return nlfrf.io.load_frf(
             path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns
@@ -93,7 +96,7 @@ def _read_frf(
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
-    """Return a record whose file says no units with those of the first BLA of the same channels."""
+    """Return a record, with the units of the first BLA that has the same channels if it has none."""
     same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
     if not same or any(record.input_units + record.output_units):
         return record
@@ -110,9 +113,9 @@ def fit_nominal_model(
     stable: bool,
     bandwidth: float | None,
 ) -> tuple[NominalFit, str]:
-    """Return the nominal model of a given order, or of the one that serves the loop, and what is to say of the order.
+    """Return the nominal model and a text on its order; an order that is not given is chosen for the loop or the data.
 
-    bandwidth : crossover [Hz] that the model is for; without it the order is that which the data ask for.
+    bandwidth : crossover [Hz] of the loop for which the order is chosen; without it the data decide.
     """
     if n_poles is None and n_zeros is not None:
         raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
@@ -122,30 +125,30 @@ def fit_nominal_model(
         scan = scan_orders(blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c)
         if omega_c is not None:
             return repeat_warnings(scan.fit), f"{scan}"
-        order = f"order: the data ask for {describe_order(scan.fit)}; robust orders lists the others"
-        order += ", and none explains all that was measured" if scan.fit.p_value < UNLIKELY_COST else ""
+        order = f"order: the data need {describe_order(scan.fit)}; robust orders lists the others"
+        order += ", and no order explains the data" if scan.fit.p_value < UNLIKELY_COST else ""
         return repeat_warnings(scan.fit), order
     if n_poles is None:
-        # of several levels the order that one of them asks for at most: what one model leaves of all is no order
+        # the largest order that a single level needs: the misfit of one model to all levels needs no more poles
         scans = [scan_orders(level, delay="auto" if delay is None else delay, dt=dt, stable=stable) for level in levels]
         best = max((scan.fit for scan in scans), key=lambda fit: fit.G.nstates)
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
-        return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
+        return fit, f"order: one of {len(levels)} records needs {describe_order(best)}, none needs more poles"
     fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable, omega_c=omega_c)
     if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
         return fit, ""
     best = scan_orders(levels[0], dt=dt, stable=stable, omega_c=omega_c).fit
     left = (
-        f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
-        "explain, and this widens the set"
+        f"order: {describe_order(fit)} leave a misfit of {fit.cost / fit.expected_cost:.3g} times noise and "
+        "distortion, which widens the set"
     )
-    asked = "the data ask for" if omega_c is None else "for the loop is enough"
+    asked = "the data need" if omega_c is None else "enough for the loop:"
     return fit, left + (f"; {asked} {describe_order(best)}" if best.G.nstates != fit.G.nstates else "")
 
 
 def load_controller(path: Path) -> tuple[control.StateSpace, float | None, str]:
-    """Return a controller, its computation delay [s] and the unit of its plant; None, "" where the file has none."""
+    """Return a controller, its computation delay [s] and the unit of its plant; None and "" if the file has none."""
     if path.suffix.lower() == ".toml":
         settings = load_pid(path)
         return settings.K, settings.delay, inverse_unit(settings.unit) if settings.unit else ""
@@ -153,7 +156,7 @@ def load_controller(path: Path) -> tuple[control.StateSpace, float | None, str]:
 
 
 def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
-    """Format the gains of a controller that is a PID, with the filters behind one from a TOML file; else empty."""
+    """Return the gains of a PID as text, with the filters from a TOML file; empty for another controller."""
     if path.suffix.lower() != ".toml":
         return format_gains(K, unit)
     settings = load_pid(path)
@@ -162,9 +165,9 @@ def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
 
 
 def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> list[tuple[control.StateSpace, float]]:
-    """Return each controller with its computation delay [s]: as given, else what its file says it was designed for.
+    """Return each controller with its computation delay [s], as given or from its file.
 
-    One for a plant of another unit is refused, where both are known.
+    A controller for a plant in another unit is refused, if both units are known.
     """
     loops = []
     for path in paths:
@@ -172,24 +175,24 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
         is_typed = path.suffix.lower() == ".toml"
         if units_differ(unit, unit_of_plant):
             raise ValueError(
-                f"controller must be one for a plant in {unit}, as the model, got {path} for one in {unit_of_plant}"
+                f"controller must be for a plant in {unit}, the unit of the model, got {path} for {unit_of_plant}"
                 + f": Kp must be in {inverse_unit(unit)}" * is_typed
             )
         if is_typed and unit and not unit_of_plant:
             warnings.warn(
-                f"{path} gives Kp without a unit: {inverse_unit(unit)} is taken, as the model is in {unit}",
+                f"{path} has no unit for Kp: {inverse_unit(unit)} is assumed, because the model is in {unit}",
                 DesignWarning,
                 stacklevel=2,
             )
         if path.suffix.lower() in _WITHOUT_DELAY and K.dt and stored is None and given is None:
             warnings.warn(
-                f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
+                f"{path} has no computation delay: zero is assumed. Give --delay [s]", DesignWarning, stacklevel=2
             )
         delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
-                f"{path} was designed for a computation delay of {stored:g} s, and --delay says {delay:g} s: the "
-                f"result holds with {delay:g} s. Leave --delay out to take what the file says",
+                f"{path} was designed for a computation delay of {stored:g} s, but --delay is {delay:g} s: the "
+                f"result holds for {delay:g} s. Leave --delay out to use the delay of the file",
                 DesignWarning,
                 stacklevel=2,
             )
@@ -198,29 +201,29 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
 
 
 def require_delay(delay: float, dt: float) -> float:
-    """Return a computation delay [s], or a refusal where it is one in milliseconds, by the sampling time [s]."""
+    """Return a computation delay [s]; refuse one that is so long for the sampling time [s] that it must be in ms."""
     require_nonnegative("delay", delay)
     if dt and delay > _MAX_DELAY_SAMPLES * dt:
         raise ValueError(
             f"delay must be in seconds, and at most {_MAX_DELAY_SAMPLES} sampling periods of {dt:g} s, got "
-            f"{delay:g} s, which is {delay / dt:.4g} of them; {delay:g} ms is --delay {delay / 1e3:g}"
+            f"{delay:g} s, which is {delay / dt:.4g} periods; for {delay:g} ms give --delay {delay / 1e3:g}"
         )
     return delay
 
 
 def load_single_model(path: Path) -> UncertaintyModel:
-    """Return the model of one input and output in a file, for a command that takes no other."""
+    """Return the model in a file; refuse one with several inputs or outputs."""
     model = load_model(path)
     if has_several_channels(model):
         raise ValueError(
-            f"model must be of one input and output for this command, got {path} with {model.n_outputs} outputs by "
-            f"{model.n_inputs} inputs; robust check and robust export take it"
+            f"model must have one input and output for this command, got {path} with {model.n_outputs} outputs by "
+            f"{model.n_inputs} inputs; robust check and robust export accept it"
         )
     return model
 
 
 def read_last_column(path: Path) -> np.ndarray:
-    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names, or a refusal."""
+    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names."""
     lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     cells = [line.rpartition(",")[2].strip() for line in lines]
     try:
@@ -230,13 +233,13 @@ def read_last_column(path: Path) -> np.ndarray:
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError as error:
-        raise ValueError(f"{path} must hold numbers in its last column, got {one_line(str(error))}") from None
+        raise ValueError(f"{path} must have numbers in its last column, got {one_line(str(error))}") from None
 
 
 def demand_weight(
     model: UncertaintyModel, bandwidth: float | None, peak: float, error: float
 ) -> control.StateSpace | None:
-    """Return the performance weight for a bandwidth [Hz], on the time base of a matrix; None without a bandwidth."""
+    """Return the performance weight for a bandwidth [Hz], sampled for a sampled matrix; None without a bandwidth."""
     if bandwidth is None:
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
@@ -246,7 +249,7 @@ def demand_weight(
 def crossover_limits(
     plant: nlfrf.Bla | UncertaintyModel, bandwidth: float | None, within: float
 ) -> float | tuple[float, float] | None:
-    """Return the crossover [rad/s] for a bandwidth [Hz]: at least that, at most `within` times it on the lines."""
+    """Return limits of the crossover [rad/s] for a bandwidth [Hz]: from it to `within` times it, if there are lines."""
     if bandwidth is None:
         return None
     least, most = 2 * np.pi * bandwidth, 2 * np.pi * bandwidth * within
@@ -262,21 +265,20 @@ def describe_bandwidth(
     delay: float,
     within: float,
 ) -> str:
-    """Return the crossover or the bandwidth of S [Hz] of a nominal loop, and the one asked for; empty for several
-    channels.
+    """Return the wanted and the actual crossover or bandwidth of S [Hz] as text; empty for several channels.
 
-    A crossover that is further off than the factor `within` is warned of.
+    It warns if the crossover misses the wanted one by more than the factor `within`.
     """
     if not model.is_single or asked is None:
         return ""
     seen = check(model, K, delay=delay, certify=False).classical
     name, omega = ("bandwidth of S", seen.bandwidth) if method == "mixsyn" else ("crossover", seen.crossover)
     got = omega / (2 * np.pi)
-    text = f"{name} asked {asked:.4g} Hz, got {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}"
+    text = f"{name} {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}, asked {asked:.4g} Hz"
     if method != "mixsyn" and not asked / within <= got <= asked * within:
         warnings.warn(
-            f"{text}: further off than a factor {within:g} (--crossover-within). The plant does not let the loop "
-            "have this shape; ask for another bandwidth",
+            f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant does not allow this "
+            "shape of the loop; choose another --bandwidth",
             DesignWarning,
             stacklevel=2,
         )
@@ -286,7 +288,7 @@ def describe_bandwidth(
 def signals_from_options(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
-    """Return the signals that the options name: a height, two rms, the end of a band [Hz]; None without one."""
+    """Return the signals for the level of the loop: height of a step, two rms, end of a band [Hz]; None without any."""
     end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
     reference = None if step is None else StepSignal(step)
     disturbance_noise, measurement_noise = (
@@ -299,14 +301,14 @@ def signals_from_options(
 
 
 def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
-    """Return a model as `robust model` draws it."""
+    """Return the pictures of `robust model`."""
     from robust import plot
 
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_set(one, blas, ax=ax), model)]
 
 
 def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
-    """Return a check as `robust check` draws it."""
+    """Return the pictures of `robust check`."""
     from robust import plot
 
     if has_several_channels(model):
@@ -316,12 +318,12 @@ def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: Robus
 
 
 def write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
-    """Write a report, and next to it a verified certificate of what was proved."""
+    """Write a report, and its certificate beside it, which is verified at once."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)
     if any(certificate.holds and certificate.claim is not None for certificate in report.proofs.certificates):
         save_certificate(report, handed)
         with spinner("verifying"):
-            say(replace(verify_certificate(handed), warnings=()))  # the report has said them
+            say(replace(verify_certificate(handed), warnings=()))  # the report has shown them
     elif handed.exists():
-        say(f"{handed} is of an earlier run: this one proved nothing that it could hold")
+        say(f"{handed} is from an earlier run: this run has no certificate to write")

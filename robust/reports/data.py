@@ -1,4 +1,4 @@
-"""The sections of the report page on what was measured and modelled."""
+"""The sections of the report page on measurement and model."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from robust.pages.section import Fact, Section
 from robust.plot import plot_budget, plot_fit, plot_set, plot_weight
 from robust.reports.parts import describe_roots, describe_system, rows_of_value
 
-_NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
+_NEGLIGIBLE_DECIBELS = 100.0  # energy on other lines is given as a number only if it is less far below the excited ones
 
 
 Measured = TypeVar("Measured", Record, Bla)
 
 
 def _numbered(before: str, measured: list[Measured]) -> Iterator[tuple[str, Measured]]:
-    """Yield each record or BLA behind the words that number it, which are empty where there is one alone."""
+    """Yield the number of each record or BLA as text, and the record or BLA; the text of a single one is empty."""
     for number, one in enumerate(measured, 1):
         yield f"{before} record {number}" * (len(measured) > 1), one
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
-    """Return the section on grid, lines, level and length of each record; of `blas` the kind of the grid alone."""
+    """Return the section on grid, lines, level and length of each record; `blas` give the kind of the grid."""
     facts, pictures = [], []
     for (which, record), bla in zip(_numbered(" of", records), chain(blas, repeat(None)), strict=False):
         grid, u = record.lines, record.u[0, -1]
@@ -73,18 +73,18 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
             html.draw_picture(f"Output{which} in time, the last period in black.", plot_samples, record, signal="y"),
         ]
     if not records:
-        facts = [Fact("record", "was not handed over with this report")]
+        facts = [Fact("record", "not given to this report")]
     return Section(
         "record",
         "Excitation and record",
-        "Where periods lie over one another, the machine was in steady state and its channels worked.",
+        "If the periods coincide, the machine was in steady state and its channels worked.",
         facts=facts,
         pictures=pictures,
     )
 
 
 def _describe_stray_energy(record: Record) -> str:
-    """Return how much energy stands where none was to be, the largest line of it under the rms of the excited ones."""
+    """Return the largest line that should not be excited, in dB below the rms of the excited lines, as text."""
     grid = record.lines
     spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
     power = np.mean(spectrum**2, axis=(0, 1))
@@ -94,14 +94,14 @@ def _describe_stray_energy(record: Record) -> str:
     with np.errstate(divide="ignore"):
         below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[detection]))
     return (
-        f"lines that were not to be excited lie over {_NEGLIGIBLE_DECIBELS:g} dB under the excited ones"
+        f"detection lines are more than {_NEGLIGIBLE_DECIBELS:g} dB below the excited ones"
         if below > _NEGLIGIBLE_DECIBELS
-        else f"of the lines that were not to be excited the largest lies {below:.0f} dB under the excited ones"
+        else f"the largest detection line is {below:.0f} dB below the excited ones"
     )
 
 
 def describe_directions(bla: Bla) -> str:
-    """Return the largest and the smallest singular value, the condition, and whether the weakest was measured."""
+    """Return largest and smallest singular value and condition as text, with a note if the weakest is not measured."""
     sigma, low, _ = nlfrf.bla.singular_values(bla)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.nan_to_num(sigma[0] / sigma[-1], nan=np.inf, posinf=np.inf)
@@ -110,12 +110,13 @@ def describe_directions(bla: Bla) -> str:
         f"{len(sigma)} singular values on {bla.f.size} lines; largest {sigma[0].max():.4g}, smallest "
         f"{sigma[-1].min():.4g}, condition at most {condition[k]:.4g} at {bla.f[k]:g} Hz"
     ) + (
-        f"; on {lost} lines the set may hold a matrix of lower rank: the weakest direction is not measured" * (lost > 0)
+        f"; on {lost} lines the set may contain a matrix of lower rank: the weakest direction is not measured"
+        * (lost > 0)
     )
 
 
 def bla_section(blas: list[Bla]) -> Section:
-    """Return the best linear approximation, its levels and its bound."""
+    """Return the section on the best linear approximation, its distortion and its bound."""
     facts, pictures = [], []
     for which, bla in _numbered(" of", blas):
         if not bla.is_single:
@@ -125,9 +126,9 @@ def bla_section(blas: list[Bla]) -> Section:
             ]
             pictures += [
                 html.draw_picture(f"Every entry{which} with its 95 % bound.", plot_frm, bla, tall=True),
-                html.draw_picture(f"What limits each entry{which}.", plot_frm_bounds, bla, tall=True),
+                html.draw_picture(f"Parts of the bound of each entry{which}.", plot_frm_bounds, bla, tall=True),
                 html.draw_picture(
-                    f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
+                    f"Singular values{which}, with their bands by the bound of the matrix.",
                     plot_singular_values,
                     bla,
                 ),
@@ -136,7 +137,7 @@ def bla_section(blas: list[Bla]) -> Section:
         facts.append(Fact(f"BLA{which}", rows_of_value(bla)))
         pictures += [
             html.draw_picture(f"Best linear approximation{which} with its 95 % bound.", plot_bode, bla, tall=True),
-            html.draw_picture(f"The same{which} over what makes the bound.", plot_bla, bla),
+            html.draw_picture(f"The same{which}, with the parts of the bound.", plot_bla, bla),
         ]
         if np.any(np.isfinite(bla.levels.excited)):  # an FRF of another program has none
             caption = f"Output{which} by kind of line: linear, distortion, noise."
@@ -145,32 +146,32 @@ def bla_section(blas: list[Bla]) -> Section:
     return Section(
         "bla",
         "Best linear approximation",
-        f"{condition} bound holds the best linear approximation, line by line, with 95 % probability; it is for "
-        "this excitation, at this level, and says nothing about other levels.",
-        facts=facts or (Fact("BLA", "was not handed over with this report"),),
+        f"{condition} bound contains the best linear approximation, on each line with 95 % probability. It holds for "
+        "this excitation at this level, and not for other levels.",
+        facts=facts or (Fact("BLA", "not given to this report"),),
         pictures=pictures,
     )
 
 
 def cross_check_section(records: list[Record]) -> Section:
-    """Return the distortion level read a second time, by means that fail for other reasons."""
+    """Return the section on the distortion level by a second method, which fails for other reasons."""
     facts, pictures = [], []
     for which, record in _numbered(" on", records):
         opinion = nlfrf.second_opinion(record)
         facts.append(Fact(f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: ")))
-        pictures.append(html.draw_picture(f"The distortion level read twice{which}.", plot_opinion, opinion))
+        pictures.append(html.draw_picture(f"The distortion level by two methods{which}.", plot_opinion, opinion))
     return Section(
         "opinion",
         "Second opinion",
-        "The lines that were not excited and the roughness of the FRF over the excited ones fail for different "
-        "reasons: where both agree the level can be believed.",
-        facts=facts or (Fact("opinion", "needs the record, which was not handed over"),),
+        "Detection lines and the roughness of the FRF over the excited lines fail for different reasons: if both "
+        "agree, the level is credible.",
+        facts=facts or (Fact("opinion", "needs the record, which was not given"),),
         pictures=pictures,
     )
 
 
 def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]) -> Section:
-    """Return the model in the middle against the measured lines."""
+    """Return the section on the nominal model and the measured lines."""
     if model.measured_only:
         facts = [Fact("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines")]
     else:
@@ -186,18 +187,18 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
     pictures = [html.draw_picture(f"{shown}.", plot_set, model, blas, tall=True)]
     if nominal is not None:
-        pictures.append(html.draw_picture("Measured lines, model, and what is left between them.", plot_fit, nominal))
+        pictures.append(html.draw_picture("Measured lines, model, and their difference.", plot_fit, nominal))
     return Section(
         "nominal",
         "Nominal fit",
-        "What the fit leaves is not lost: it goes into the radius of the set as misfit.",
+        "The radius of the set contains the misfit.",
         facts=facts,
         pictures=pictures,
     )
 
 
 def roots_of_plant(G: control.StateSpace) -> list[Fact]:
-    """Return the rows of poles and zeros; a continuous delay, a Padé approximation inside the plant, is separated."""
+    """Return the facts on poles, zeros and delay; a Padé approximation in a continuous plant is shown as a delay."""
     single, dt = G.ninputs == G.noutputs == 1, timebase(G)
     rest, delay = without_pade(G) if single and not dt else (G, 0.0)
     rows = [Fact("poles", describe_roots(poles(rest), dt))]
@@ -207,18 +208,18 @@ def roots_of_plant(G: control.StateSpace) -> list[Fact]:
 
 
 def _describe_change(seen: Validation) -> str:
-    """Return what a record says against the one that the model was made of; nothing where it is that one."""
+    """Return the change between a record and the record of the model as text; empty if they are the same."""
     if seen.p_value == 1 or np.isnan(seen.p_value):
         return ""
     return (
-        f"; against the record of the model p = {seen.p_value:.2g} for another gain ({100 * seen.gain:+.2g} %), "
+        f"; compared with the record of the model p = {seen.p_value:.2g} for another gain ({100 * seen.gain:+.2g} %), "
         f"frequency ({100 * seen.frequency:+.2g} %) or delay ({1e3 * seen.delay:+.2g} ms), "
-        f"the rest {seen.level:.2g} times what both scatter"
+        f"the rest is {seen.level:.2g} times the scatter of both"
     )
 
 
 def set_section(model: UncertaintyModel) -> Section:
-    """Return the uncertainty and its weight."""
+    """Return the section on uncertainty set and weight."""
     facts = (
         Fact("set", str(model)),
         Fact("class of perturbations", model.perturbation),
@@ -233,9 +234,9 @@ def set_section(model: UncertaintyModel) -> Section:
     return Section(
         "set",
         "Uncertainty and weight",
-        "Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption."
+        "The set contains every plant whose distance from the nominal is below the weight. Grey: assumed."
         if model.is_single
-        else "The form was to be chosen before looking at the verdict; who tries two has tested twice.",
+        else "Choose the form before you see the verdict; trying two is a multiple test.",
         facts=facts,
         pictures=pictures,
     )

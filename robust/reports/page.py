@@ -45,7 +45,9 @@ def write_report(
     title: str = "Controller report",
     notes: str = "",
 ) -> RobustnessReport:
-    """Write a whole run as one HTML file to hand to a colleague: what was measured, designed, and proved.
+    """Write a whole run as one HTML file: measurement, model, controller, check and proof.
+
+    Use this to hand a design to a colleague, or to keep it. `robust report` writes the same file.
 
     Parameters
     ----------
@@ -56,35 +58,34 @@ def write_report(
     K : control.StateSpace, TransferFunction or float
         The controller, negative feedback u = K (r - y).
     bla : nlfrf.Bla or list of them, optional
-        What the model was made from; identified from the record when not given.
+        The BLA behind the model; identified from the record if not given.
     record : nlfrf.Record or list of them, optional
-        What was measured.
+        The record behind the BLA.
     nominal : NominalFit, optional
         The fit behind the nominal plant, for its cost.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight asked of the loop.
+        Performance weight of the loop.
     delay : float
         Computation delay [s], as in `check`.
     report : RobustnessReport, optional
-        The check, where it was done already, with the demand and the delay that it was done with; it is done here when
-        not given.
+        The check, if it was done before; it has its own demand and delay. If it is not given, the loop is checked here.
     friction : FrictionProof, optional
-        What `prove_friction` said of the same controller: told beside the verdict of the check.
+        The result of `prove_friction` for the same controller, shown beside the verdict of the check.
     signals : LoopSignals, optional
-        What acts on the loop, as in `check`, where the check is done here; a report that is handed over has its own.
+        Signals that act on the loop, as in `check`; not with a `report`, which has its own.
     title, notes : str
-        Heading, and what else the reader should know.
+        Heading, and further text for the reader.
 
     Returns
     -------
     RobustnessReport
-        The check that the file tells about.
+        The check in the file.
 
     Raises
     ------
     ValueError
-        A path that does not end in .html, a report, delay or w_P of another loop, a friction that is no proof, and what
-        `check` refuses.
+        A path that does not end in .html, a report, delay or w_P of another loop, a friction that is no proof, and the
+        errors of `check`.
     FileNotFoundError
         A folder that does not exist.
 
@@ -116,21 +117,21 @@ def write_report(
     ):
         require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
-        raise ValueError("friction must be left out for several channels: it is proved of a single loop")
+        raise ValueError("friction must be left out for several channels: the proof takes a single loop only, got one")
     blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
-    # records and BLAs may know more than the model: its file may be older than their warnings
+    # records and BLAs may have newer warnings than the file of the model
     known: list[Record | Bla | NominalFit] = [*records, *blas, *_as_list(nominal)]
     model = add_warnings(model, [text for one in known for text in one.warnings])
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
     elif signals is not None:
-        raise ValueError("signals must be given to the check whose report is handed over, got both here")
+        raise ValueError("signals must be left out with a report: give them to its check, got both")
     else:
         require_report_of(report, model, K=K, w_P=w_P, delay=delay)
         report = replace(add_warnings(report, model.warnings), confidence=describe_confidence(model))
-    w_P, delay = report.given.demand, report.given.delay  # what was checked is what is reported
+    w_P, delay = report.given.demand, report.given.delay  # the page reports what was checked
     sections = [
-        Section("verdict", "Verdict", "What may be said of this controller on this machine.", report.findings),
+        Section("verdict", "Verdict", "The result of the check of this controller with this set.", report.findings),
         *([] if friction is None else [friction_section(report, friction)]),
         *([excitation_section(records, blas)] if single else []),
         bla_section(blas),
@@ -160,7 +161,7 @@ Thing = TypeVar("Thing")
 
 
 def _as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
-    """One thing or many, as a list."""
+    """Return one thing or several as a list."""
     if thing is None:
         return []
     return list(thing) if isinstance(thing, (list, tuple)) else [cast("Thing", thing)]

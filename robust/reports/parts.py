@@ -1,4 +1,4 @@
-"""Values, systems and demands in words, for the report page."""
+"""Values, systems and demands as text, for the report page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robust.lti.realisation import state_space
 
 
 def rows_of_value(thing: object) -> str:
-    """Return what a value says of itself, without the indents of a screen."""
+    """Return the text of a value without indents."""
     return "\n".join(row.strip() for row in str(thing).splitlines())
 
 
@@ -23,7 +23,7 @@ def describe_system(system: control.StateSpace) -> str:
 
 
 def describe_roots(roots: np.ndarray, dt: float) -> str:
-    """Return poles or zeros as frequency and damping, those at the origin of s counted apart."""
+    """Return poles or zeros as frequency and damping; a root at s = 0 is an integrator."""
     if not roots.size:
         return "none"
     s = to_s_plane(roots, dt)
@@ -42,7 +42,7 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
 
 
 def describe_demand(w_P: Weight) -> str:
-    """Return a performance weight as what it allows of |S|."""
+    """Return the limits of |S| by a performance weight as text."""
     w_P = state_space("w_P", w_P)
     omega = np.geomspace(1e-3, 1e6, 4000)
     if timebase(w_P):

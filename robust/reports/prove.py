@@ -1,4 +1,4 @@
-"""Machine and class of friction from the files of a command; a refusal ends with the command that goes on."""
+"""Machine and class of friction from the files of a command; a refusal ends with the next command to run."""
 
 from __future__ import annotations
 
@@ -34,31 +34,18 @@ if TYPE_CHECKING:
 
 #: Options of `nlfrf.load_record`, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
-#: Kinds of files of ours that a machine and its friction are read from.
+#: Kinds of files from which a machine and its friction can be read.
 _MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
-_NOMINAL = Path("nominal.json")  # what the commands of the messages write
+_NOMINAL = Path("nominal.json")  # output file of the commands in messages
 
 
 @value
 class MachineFiles:
-    """Files of a machine, and how they are to be read.
+    """Files of a machine with friction (one model, or BLAs or records at several levels), and options for reading them.
 
-    Fields
-    ------
-    files : tuple of Path
-        One model, or BLAs or records at several levels.
-    controller : Path
-        Stands in the commands of the messages only.
-    nominal : Path or None
-        With BLAs: a model to read around.
-    stiffness : float or None
-        Of the friction [N/m]; with levels in the place of the one that is read.
-    stiction : float
-    free : bool
-    masses : int
-        As of `friction_class`.
-    load : mapping
-        What `nlfrf.load_record` takes, for traces.
+    controller : used in the commands of messages only. nominal : with BLAs, the model around which they are read.
+    stiffness : presliding stiffness of the friction [N/m]; with levels it replaces the one that is read.
+    stiction, free, masses : as for `friction_class`. load : options of `nlfrf.load_record`, for traces.
     """
 
     files: tuple[Path, ...]
@@ -71,16 +58,16 @@ class MachineFiles:
     load: LoadOptions = field(default_factory=dict)
 
     def prove(self, files: Sequence[Path], *, nominal: Path | None = None) -> str:
-        """Return the command line that proves, around a nominal."""
+        """Return the command line of `robust prove`, with --nominal if a nominal is given."""
         around = [] if nominal is None else ["--nominal", nominal]
         return _join("robust", "prove", *files, self.controller, *around)
 
     def prove_model(self, model: Path = _NOMINAL) -> str:
-        """Return the command line that proves with a model, and the stiffness of its friction."""
+        """Return the command line of `robust prove` for a model and the stiffness of its friction."""
         return f"{self.prove([model])} --stiffness {self.stiffness or 'NEWTON_PER_METRE'}"
 
     def identify(self, record: Path) -> str:
-        """Return the command line that identifies the BLA of a record, with the options that it was read with."""
+        """Return the command line that identifies the BLA of a record, with the same options for reading it."""
         options = [(f"--{LOAD_OPTIONS[name]}", option) for name, option in self.load.items()]
         words = [word for pair in options for word in pair if word is not True]
         return _join("nlfrf", "identify", record, *words, "-o", _bla_of(record))
@@ -88,22 +75,10 @@ class MachineFiles:
 
 @value
 class _FrictionBasis:
-    """What a proof with friction starts from.
+    """Machines (one for each damping to prove) and class of friction for a proof, with a description for the report.
 
-    Fields
-    ------
-    machines : tuple of FrictionPlant
-        The linear part, with each damping that is to be proved.
-    friction : AnyFriction or FrictionAtPorts
-        The class.
-    description : str
-        What was read from what, and how surely.
-    sources : tuple of dict
-        Of each file its name, its kind, its SHA-256, and the options that it was read with.
-    levels : FrictionClass or None
-        What was read without a nominal; None with one, and from a model.
-    warnings : tuple of str
-        What was warned of the records, BLAs and models that it was read from.
+    sources : name, kind, SHA-256 and reading options of each file. levels : the class as read from levels; None with a
+    nominal or a model. warnings : warnings of the files.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -119,12 +94,9 @@ class _FrictionBasis:
 
 @keep_warnings
 def read_basis(given: MachineFiles) -> _FrictionBasis:
-    """Return machines and friction class of one model and a stiffness, or of BLAs or records at several levels.
+    """Return machines and friction class from one model and a stiffness, or from BLAs or records at several levels.
 
-    Raises
-    ------
-    ValueError
-        Files that do not make a machine and its friction; each message ends with the command that goes on.
+    Each error message ends with the next command to run.
     """
     for path in given.files:
         require_file_of(path, *_MACHINE_FILES)
@@ -143,7 +115,7 @@ def read_basis(given: MachineFiles) -> _FrictionBasis:
     if given.stiffness is not None:
         if not isinstance(friction, AnyFriction):
             raise ValueError(
-                f"stiffness must be left out with two masses, which have one each, got {given.stiffness:g}"
+                f"stiffness must be left out with two masses, each of which has its own, got {given.stiffness:g}"
             )
         friction = any_maxwell_slip(given.stiffness, friction.stiction, position_unit=friction.position_unit)
     sources = [_describe_source(path, "record" if records else "BLA", given.load) for path in measured]
@@ -157,7 +129,7 @@ def read_basis(given: MachineFiles) -> _FrictionBasis:
 
 
 def _load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
-    """Return the records or the BLAs in files; refuse both together with the commands that make them alike."""
+    """Return the records or the BLAs in files; for both, the error has the commands that make BLAs of all."""
     levels = {path: _load_level(path, given.load) for path in paths}
     records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
     blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
@@ -172,7 +144,7 @@ def _load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path,
 
 
 def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
-    """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
+    """Return the BLA or the record in a file, or the record of a trace of any origin."""
     schema = nlfrf.inspect_file(path).schema
     is_bla = schema and "record" not in schema
     level: nlfrf.Bla | nlfrf.Record = load_bla(path) if is_bla else nlfrf.load_record(path, **load)
@@ -180,7 +152,7 @@ def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
 
 
 def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> FrictionClass:
-    """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
+    """Return the class from records; an error has the commands that read it from their BLAs around a nominal."""
     identified = [given.identify(path) for path in records]
     fit = _fit_command(_bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
     if len(records) < 3:
@@ -191,7 +163,7 @@ def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles)
     around = given.prove([_bla_of(path) for path in records], nominal=given.nominal or _NOMINAL)
     if given.nominal is not None:
         raise ValueError(
-            "nominal must be left out with records, which are read as one mass with their delay, got one; "
+            "nominal must be left out with records, which are read as one mass with a delay, got one; "
             + _go_on(*identified, around)
         )
     with _add_next_command(
@@ -201,7 +173,7 @@ def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles)
 
 
 def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> FrictionClass:
-    """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
+    """Return the class from BLAs, around a nominal if it is given; an error has the next commands."""
     files, measured = list(blas), list(blas.values())
     options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
     if wrong := options + ["--free"] * given.free + ["--masses"] * (given.masses != 1):
@@ -225,14 +197,14 @@ def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> Frict
 
 
 def _describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
-    """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
+    """Return the entry of a file in a certificate: name, kind, digest, and options for reading it."""
     options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
 
 
 def _basis_of_model(models: Sequence[Path], given: MachineFiles) -> _FrictionBasis:
-    """One model, and the stiffness of its friction, which no model shows."""
+    """Return machines and class from one model and a given stiffness of the friction, which no model shows."""
     model = models[0]
     if len(models) > 1:
         raise ValueError(f"machine must be one model, got {len(models)}; {_go_on(given.prove_model(model))}")
@@ -254,11 +226,11 @@ def _basis_of_model(models: Sequence[Path], given: MachineFiles) -> _FrictionBas
 
 
 def _load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
-    """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
+    """Return the model in a file; refuse one whose nominal is no machine from force to position."""
     model = repeat_warnings(load_model(path))
     if getattr(model, "measured_only", True):
         raise ValueError(
-            f"machine must have a parametric nominal of one input and output, got {path} without; "
+            f"machine must have a parametric nominal with one input and output, got {path} without; "
             f"{_go_on(_fit_command(bla), command)}"
         )
     require_si("machine", model.origin.unit)
@@ -268,28 +240,28 @@ def _load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
 
 
 def _fit_command(bla: Path, poles: int = 4) -> str:
-    """Return the command line that fits a nominal to a BLA, with two zeros less than poles."""
+    """Return the command line that fits a nominal to a BLA, with two zeros fewer than poles."""
     return _join("robust", "model", bla, "--poles", poles, "--zeros", poles - 2, "-o", _NOMINAL)
 
 
 def _bla_of(record: Path) -> Path:
-    """Return the file that a hint gives the BLA of a record."""
+    """Return the path for the BLA of a record in messages."""
     return Path(f"{record.name.partition('.')[0]}-bla.npz")
 
 
 def _join(*words: object) -> str:
-    """Return a command line of these words, quoted as a shell takes them."""
+    """Return words as a command line, with quotes for the shell."""
     return shlex.join(map(str, words))
 
 
 def _go_on(*commands: str) -> str:
-    """Return the end of a refusal: what to run next."""
+    """Return the end of an error message: the next commands."""
     return "go on with: " + "; ".join(commands)
 
 
 @contextmanager
 def _add_next_command(how: str) -> Iterator[None]:
-    """Add to a refusal the command that goes on."""
+    """Add the next command to an error message."""
     try:
         yield
     except ValueError as error:
@@ -297,7 +269,7 @@ def _add_next_command(how: str) -> Iterator[None]:
 
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: _FrictionBasis) -> None:
-    """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
+    """Save the certificates of proofs beside a result: out.certificate.json, out.2.certificate.json."""
     proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
     for number, proof in enumerate(proved):
         read_from = {"evidence": basis.description, "files": list(basis.sources)}

@@ -1,4 +1,4 @@
-"""The sections of the report on the controller: texts, tables and pictures of each."""
+"""The sections of the report page on the controller: facts, tables and pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _N_PLANTS = 25  # of the set, drawn around the worst case
 
 
 def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> Section:
-    """Return the controller and the loop it makes."""
+    """Return the section on controller and loop."""
     dt, unit = timebase(K), model.origin.unit
     facts = [Fact("controller", describe_system(K)), Fact("poles", describe_roots(poles(K), dt))]
     if not report.is_single:
@@ -37,7 +37,8 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
         return Section(
             "loop",
             "Controller and loop",
-            "u = K (r - y). A margin of each channel alone says the least: all at once may bear far less.",
+            "u = K (r - y). The margin of one channel alone is the weakest test: if all channels change at once, the "
+            "loop may tolerate far less.",
             facts=facts,
             pictures=(html.draw_picture("Singular values of the nominal loop.", plot_loop, gains),),
         )
@@ -52,7 +53,7 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
     return Section(
         "loop",
         "Controller and loop",
-        "u = K (r - y). The rows below, where there are any, are second-order sections, run one after the other.",
+        "u = K (r - y). A table below has the second-order sections of a sampled controller, in series.",
         facts=facts,
         table=table,
         pictures=(
@@ -63,14 +64,14 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
 
 
 def check_section(report: RobustnessReport) -> Section:
-    """Return the numbers behind the verdict, and what was proved at all frequencies."""
+    """Return the section with the numbers behind the verdict, and with the proofs."""
     curves = "Stability and performance" if report.is_single else "Bounds of mu"
     facts = [] if report.nominally_stable else [Fact("nominal loop", "not stable: no margin is given")]
     return Section(
         "check",
         "Check and proof",
-        "Curves on a grid prove nothing between its points. A certificate is judged by its own numbers, never by "
-        "the word of the solver that proposed it.",
+        "Curves on a grid prove nothing between its points. A certificate is checked by its own numbers, whatever the "
+        "solver reports that proposed it.",
         facts=(*facts, *report.details),
         pictures=(html.draw_picture(f"{curves}; each must stay below one.", plot_check, report),),
     )
@@ -79,7 +80,7 @@ def check_section(report: RobustnessReport) -> Section:
 def worst_case_section(
     model: UncertaintyModel, K: control.StateSpace, *, report: RobustnessReport, delay: float
 ) -> Section:
-    """Return the plant of the set that hurts most."""
+    """Return the section on the worst plant of the set."""
     name, title = "worst", "Worst case"
     if model.measured_only or not report.nominally_stable:
         why = (
@@ -108,7 +109,7 @@ def worst_case_section(
         pictures=(
             html.draw_picture("Sensitivity with plants of the set, and the worst case.", plot_family, family),
             html.draw_picture(
-                "A step of the reference: what the loop makes of it with the nominal and with the worst plant.",
+                "Response to a step of the reference, with the nominal and with the worst plant.",
                 plot_step,
                 nominal,
                 worst_step,
@@ -121,7 +122,7 @@ def worst_case_section(
 def settings_section(
     model: UncertaintyModel, K: control.StateSpace, *, w_P: control.StateSpace | None, delay: float
 ) -> Section:
-    """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and machine."""
+    """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and computer."""
     facts = (
         Fact("weight", describe_system(model.weight) if model.is_single else ""),
         Fact("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),
@@ -132,12 +133,12 @@ def settings_section(
         Fact("versions", ", ".join(f"{name} {_installed_version(name)}" for name in _PACKAGES)),
         Fact("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),
     )
-    lead = "What is needed to repeat this run."
+    lead = "Settings and versions needed to repeat this run."
     return Section("settings", "Versions and settings", lead, facts=facts)
 
 
 def _installed_version(package: str) -> str:
-    """Return its version, or that it is not installed: an extra brings some of them."""
+    """Return the version of a package, or "not installed": some are extras."""
     if package == "nlfrf":
         return nlfrf.__version__
     try:

@@ -1,4 +1,4 @@
-"""Both verdicts side by side: a check at the measured levels, and a proof for a class of friction."""
+"""Two verdicts side by side: that of a check at the measured levels, and that of a proof for a class of friction."""
 
 from __future__ import annotations
 
@@ -21,66 +21,66 @@ _MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
     FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",
     FrictionVerdict.REFUTED: (
-        "said of the class, not of the machine: a named member makes the loop unstable; yours may be another"
+        "with one friction of the class the loop is unstable; the friction of the machine may be another"
     ),
     FrictionVerdict.NOT_DECIDED: "neither proved nor refuted",
 }
 
 
 def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
-    """Return rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
+    """Return rows of a table, the head first: question, answer of the check, answer of the proof."""
     friction, settles = proof.friction.description, proof.verdict is FrictionVerdict.SETTLES
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
-    fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
+    fails = away if np.isfinite(proof.kick_sure) else "unknown: there is no kick after which it surely does"
     if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.headline, proof.verdict),
-        ("it means", report.meaning, _MEANING_OF_PROOF[proof.verdict]),
+        ("meaning", report.meaning, _MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
-        ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
-        ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
-        ("a harder kick than measured", "nothing is said: the machine slides more than in any record", "is in it"),
-        ("runs away", "not asked", fails),
-        ("not in it", report.not_proved, proof.not_claimed),
+        ("holds for", report.proved or "the nominal plant and the measured set around it", f"every {friction}"),
+        ("linear part", "any plant of the set", f"{proof.machine.description}, exactly"),
+        ("a harder kick than measured", "not covered: the machine slides more than in any record", "covered"),
+        ("runs away", "not judged", fails),
+        ("not covered", report.not_proved, proof.not_claimed),
     )
 
 
 def describe_proof(proof: FrictionProof) -> str:
-    """Describe the verdict of the proof in one line, for the banner."""
+    """Return the verdict of the proof in one line, for the banner."""
     size = f"{proof.kick_sure:.3g} {proof.units.velocity}"
     kick = f"; with any friction of the given force it surely runs away from a kick of {size}"
     away = kick if np.isfinite(proof.kick_sure) else ""
-    return f"Beside it, for a class of friction: {proof.verdict} ({_MEANING_OF_PROOF[proof.verdict]}){away}."
+    return f"Proof for a class of friction: {proof.verdict} ({_MEANING_OF_PROOF[proof.verdict]}){away}."
 
 
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
-    """Return the two verdicts, which answer two questions and may differ."""
+    """Return the section with both verdicts."""
     return Section(
         "friction",
         "Two verdicts",
-        "They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
-        "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
+        "The two verdicts answer different questions. A statistically robust loop may run away after a hard kick; a "
+        "loop proved for a class of friction may fail with a plant of a wide set.",
         table=_verdict_rows(report, proof),
     )
 
 
-# ---- Whether a report is of the set and the controller that it is to be told of: nobody is told of two loops at once.
+# ---- Does a report belong to this model and this controller? A page must not mix two loops.
 
-#: Curves of the loop that are compared: of several channels there are those of the verdict alone.
+#: Curves of the loop to compare; several channels have only some of them.
 _COMPARED = ("omega", "G", "K", "radius", "rs")
-_WRONG_REPORT = "report must be what check gave of this model and this K, got one of another loop"
+_WRONG_REPORT = "report must be the result of check for this model and this K, got that of another loop"
 
 
 def require_report_of(
     report: RobustnessReport, model: UncertaintyModel, *, K: control.StateSpace, w_P: Weight | None, delay: float
 ) -> None:
-    """Refuse a report of something else than what is to be reported: the loop is checked again without proofs."""
+    """Refuse a report of another loop. For the comparison the loop is checked again without proofs."""
     if delay not in (0.0, report.given.delay):
         raise ValueError(f"delay must be that of the report, {report.given.delay:g} s, got {delay:g} s")
     if w_P is not None and not _has_demand(report, w_P):
-        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
+        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with this one")
     if report.is_single != model.is_single:
         raise ValueError(_WRONG_REPORT)
     try:
@@ -95,7 +95,7 @@ def require_report_of(
 
 
 def _has_demand(report: RobustnessReport, w_P: Weight) -> bool:
-    """Return whether a performance weight is the one that a report was made with."""
+    """Return whether a performance weight is that of a report."""
     if report.given.demand is None:
         return False
     weights = (multivariable("w_P", weight) for weight in (w_P, report.given.demand))

@@ -191,8 +191,8 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
     ("command", "refusal"),
     [
         ("design --inputs 2 --crest 1.7", "crest must be left out for several inputs"),
-        ("design --zippered", "inputs must be 2 or more for zippered, got 1"),
-        ("design --draws 3", "inputs must be 2 or more for draws, got 1"),
+        ("design --zippered", "inputs must be 2 or more for --zippered, got 1"),
+        ("design --draws 3", "inputs must be 2 or more for --draws, got 1"),
         ("simulate ms.npz --mass 2", "mass and stiffness must be left out for several inputs"),
         ("simulate run.npz", "path must hold a multisine or an experiment on a drive, got run.npz, which is a record"),
         ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
@@ -311,8 +311,8 @@ def test_the_excited_band_is_printed_and_warned_of(nlfrf_command):
     band = "--fs 1000 --period 4000 --f-max 200 --seed 0 -o ms.npz"
     code, out, err = nlfrf_command("design", *["--f-min", "1.25"], *band.split())
     assert code == 0
-    assert "lines excited from 2.25 to 198.75 Hz" in out
-    assert "the band asked for is 1.25 to 200 Hz, the lines excited go from 2.25 to 198.75 Hz only" in err
+    assert "excited lines from 2.25 to 198.75 Hz" in out
+    assert "the wanted band is 1.25 to 200 Hz, but the excited lines go from 2.25 to 198.75 Hz only" in err
     _, _, err = nlfrf_command("design", *["--f-min", "2.2"], *band.split())
     assert err == ""
 
@@ -352,9 +352,7 @@ def test_no_result_is_written_over_another(nlfrf_command, tmp_path):
         told = [word for name in outputs for word in ("--output", name)]
         code, _, err = nlfrf_command("identify", "raw.npz", *told, "-o", "b.npz")
         assert code == 2
-        assert (
-            f"output must be names that give each its own file, got '{outputs[0]}', '{outputs[1]}' for {files}" in err
-        )
+        assert f"output must be names with different files, got '{outputs[0]}', '{outputs[1]}' for {files}" in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["raw.npz"]
 
 

@@ -40,7 +40,7 @@ def test_what_the_warning_asks_for_has_a_line_there(command, kind, tmp_path):
 
 def test_a_frequency_below_the_resolution_asks_for_its_period(command, tmp_path):
     _, _, err = command(f"{BAND} --f-min 0.1 -o exc.npz")
-    assert "a period of 4 s has no line below 0.25 Hz: ask for --period 20000" in err
+    assert "a period of 4 s has no line below 0.25 Hz: give --period 20000" in err
     _, _, err = command(f"{BAND.replace('8000', '20000')} --f-min 0.1 -o exc.npz")
     assert "warning" not in err
     assert nlfrf.load(tmp_path / "exc.npz").f[0] == pytest.approx(0.1)

@@ -170,7 +170,7 @@ PRINTED = {
         r"--- 140 Hz ---\nverdict: +NOT ROBUST",
         r"breaking perturbation: 0\.99\d+ and 1\.00\d+",
     ],
-    "13_motor_bench": [r"(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
+    "13_motor_bench": [r"(?s:60 lines.*warning: .*odd-odd.*STATISTICALLY ROBUST)"],
     "21_servo_axis_in_an_afternoon": [
         r"take, as rms of the force set point: .*\(sticks\), .*\(bends\), .*\(slides\)",
         r"--- the gains of the autotuner ---",

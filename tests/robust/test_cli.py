@@ -87,7 +87,7 @@ def test_the_whole_way(robust_command, tmp_path):
 def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
     code, out, err = robust_command("model bla.npz -o m.json")
     assert code == 0, err
-    assert "the data ask for 2 poles and 0 zeros" in unwrapped(out)
+    assert "the data need 2 poles and 0 zeros" in unwrapped(out)
     model = load(tmp_path / "m.json")
     assert model.nominal.nstates == 2
     assert 0 < model.weight.nstates <= 8
@@ -116,7 +116,7 @@ def test_of_several_levels_each_is_asked_for_its_order(robust_command, tmp_path)
         save(bla, f"level{k}.npz")
     code, out, err = robust_command("model level0.npz level1.npz -o m.json")
     assert code == 0, err
-    assert "of 2 records one asks for 2 poles and 0 zeros, none for more poles" in unwrapped(out)
+    assert "one of 2 records needs 2 poles and 0 zeros, none needs more poles" in unwrapped(out)
     assert load(tmp_path / "m.json").nominal.nstates == 2
 
 
@@ -129,8 +129,8 @@ def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
     code, out, _ = robust_command("model two.npz --poles 2 -o m.json")
     assert code == 0
     assert "order: 2 poles and" in unwrapped(out)
-    assert "times what noise and distortion explain" in unwrapped(out)
-    assert "the data ask for 4 poles" in unwrapped(out)
+    assert "times noise and distortion, which widens the set" in unwrapped(out)
+    assert "the data need 4 poles" in unwrapped(out)
 
 
 def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
@@ -145,7 +145,7 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
     savemat("K.mat", {"num": [0.02, 0.0], "den": [1.0, -1.0], "Ts": 1 / 512})
     save(control.tf([0.02, 0.0], [1.0, -1.0], 1 / 512), "K.json")
     code, out, err = robust_command("check m.json K.mat --no-certify")
-    assert "warning: K.mat says no computation delay" in err
+    assert "warning: K.mat has no computation delay" in err
     assert out == robust_command("check m.json K.json --no-certify --delay 0")[1]
     assert "computation delay" not in robust_command("check m.json K.mat --no-certify --delay 0.001")[2]
     records = ("run.mat", "own.npz", "run.mat --reference command")
@@ -233,7 +233,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("export m.json -o m.xyz", "out must end in .mat, .csv, .h, .st or .py"),
         ("export m.json -o m.csv", "path must hold a controller"),
         ("export m.json -o m.h", "path must hold a controller"),
-        ("export K.json -o K.mat --limit 3", "--dtype, --limit and --rounded must be left out but for .h and .st"),
+        ("export K.json -o K.mat --limit 3", "--dtype, --limit and --rounded must be left out except for .h and .st"),
         ("export K.json -o K.h --dtype half", "dtype must be one of 'float32', 'float64', got 'half'"),
     ],
 )
@@ -299,7 +299,7 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     assert "whose digest does not fit" in wrong
     save(control.ss([], [], [], [[1e9]], 0.001), tmp_path / "bold.json")
     code, said, _ = robust_command("check m.json bold.json -o r.txt")  # which proves nothing
-    assert "r.certificate.json is of an earlier run" in said
+    assert "r.certificate.json is from an earlier run" in said
 
 
 def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
@@ -335,7 +335,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert not code, err
     code, _, err = robust_command("shape m.json -o s.html")
     assert code == 2
-    assert "model must be of one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
+    assert "model must have one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
     code, out, err = robust_command("report m.json small.json -o r.html --bla G.npz")
     assert not code, err
     assert "statistically robust" in out
@@ -356,10 +356,10 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
     code, _, err = robust_command("design m.json --bandwidth 3 --delay 0.004 -o K.json")
     assert code == 2
-    assert "delay must be in the nominal of several channels (robust model --delay)" in err
+    assert "delay must be left out for several channels" in err
     code, _, err = robust_command("model G.npz bla.npz --poles 2 -o n.json")
     assert code == 2
-    assert "bla must be BLAs or matrices, all of one kind, got bla.npz with Bla" in err
+    assert "bla must be all BLAs or all matrices, got bla.npz with Bla" in err
 
 
 @pytest.mark.parametrize(
@@ -391,7 +391,7 @@ def test_a_controller_is_checked_with_the_delay_it_was_designed_for(robust_comma
     assert "zero-order hold and a delay of 0.002 s in the plant" in " ".join(stored.split())
     assert robust_command("check m.json K.json --no-certify --delay 0.002")[1] == stored
     _, without, err = robust_command("check m.json K.json --no-certify --delay 0")
-    assert "K.json was designed for a computation delay of 0.002 s, and --delay says 0 s" in err
+    assert "K.json was designed for a computation delay of 0.002 s, but --delay is 0 s" in err
     assert "zero-order hold in the plant" in " ".join(without.split())
     save(load("K.json"), "old.json")  # says nothing of a delay, as every file of before
     assert robust_command("check m.json old.json --no-certify")[1] == without
@@ -452,7 +452,7 @@ def test_a_plant_that_may_be_two_is_not_decided(robust_command):
     assert (code, json.loads(out)["stability"]) == (3, "undecided")
     code, _, err = robust_command("design m.json --plant-integrators 0 --bandwidth 3 -o K.json")
     assert code == 2
-    assert "plant-integrators must be asked of --method pid" in err
+    assert "plant-integrators must be given with --method pid" in err
 
 
 def test_limits_that_are_not_met_are_not_called_held(robust_command):

@@ -1,4 +1,4 @@
-"""The page as the command `robust shape` writes it: it knows the files that its parts came from."""
+"""The page of the command `robust shape`, with the paths of its files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_from_files(
     demand: tuple[float | None, float, float],
     **loop: float,
 ) -> None:
-    """Write the page of models and a controller, and the paths of both; demand is bandwidth [Hz], peak, error."""
+    """Write the page for models and a controller with their paths; demand is (bandwidth [Hz], peak, error)."""
     files, controller = paths
     out, (bandwidth, peak, error) = page_path(out), demand
     sources = PartSources(

@@ -1,4 +1,4 @@
-"""The controller that was shaped: gain and elements as the page names them, to one state space."""
+"""The shaped controller: gain and elements of the page as one state space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robust.synthesis.shaping import lag, lead, low_pass, notch
 
 
 def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.StateSpace:
-    """Return the controller K to begin with, times the gain and the elements of a state of the page.
+    """Return the controller K at the start, times the gain and the elements of a state of the page.
 
     >>> state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 1.0, "phase": 30.0}]}
     >>> round(float(abs(shaped_controller(state, 1.0, 0.0)(2j * np.pi))), 9)      # a lead has gain one there
@@ -26,7 +26,7 @@ def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.St
 
 
 def _shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
-    """One element, by the function of `robust.shaping` that the page writes out for it."""
+    """Return one element, by the function of `robust.shaping` that the Python of the page uses."""
     omega, kind = 2 * np.pi * element["f"], element["kind"]
     if kind == "integrator":
         return lag(omega, np.inf, dt=dt)

@@ -1,4 +1,4 @@
-"""The texts that the page generates: Python to paste into a script, and the command that proves the loop."""
+"""Generated texts of the page: Python to paste into a script, and the command that proves the loop."""
 
 from __future__ import annotations
 
@@ -10,28 +10,15 @@ import control
 from nlfrf._base.values import value
 from robust.models.sets.model import UncertaintyModel
 
-#: Where the page puts the controller that was shaped.
+#: Marker that the page replaces by the shaped controller.
 _PLACE_OF_K = "# shaped"
 
 
 @value
 class PartSources:
-    """Where the parts came from, for the words of the page; empty where they came from memory.
+    """Names and files of models and controller for the texts of the page; empty if they are not from files.
 
-    Fields
-    ------
-    names : tuple of str
-        Names of the models; those without one are numbered.
-    files : tuple of str
-        Files of the models.
-    controller : str
-        File of the controller to begin with.
-    demand : str
-        The demand as Python writes it.
-    options : str
-        The demand as the command takes it.
-    title : str
-        Heading.
+    demand, options : the demand in Python, and as options of the command. title : heading of the page.
     """
 
     names: tuple[str, ...] = ()
@@ -51,12 +38,12 @@ def python_script(
     dt: float,
     delay: float,
 ) -> str:
-    """Return a script that loads the models, takes a controller at a marked place, checks each and saves K."""
+    """Return a script that loads the models, has a marker for the controller, checks each model and saves K."""
     files = sources.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]
     if not sources.files:
-        rows.append("# or the model at hand" + " itself" * (not several) + "; robust.save writes such a file")
+        rows.append("# or use the model in memory" + " itself" * (not several) + "; robust.save writes such a file")
     if several:
         rows.append(f"models = [robust.load(path) for path in {list(files)!r}]")
     else:
@@ -71,20 +58,20 @@ def python_script(
 
 
 def _starting_controller(sources: PartSources, K: control.StateSpace) -> str:
-    """Return the controller to begin with; its gain alone is part of what is shaped."""
+    """Return the Python of the controller at the start."""
     if sources.controller:
         return f"K = robust.load({sources.controller!r})"
     return "K = " + (_state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
 
 
 def _state_space_literal(system: control.StateSpace) -> str:
-    """Return a state space with every digit."""
+    """Return the Python of a state space, with every digit."""
     matrices = ", ".join(repr(getattr(system, name).tolist()) for name in "ABCD")
     return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"
 
 
 def proof_commands(sources: PartSources, w_P: control.StateSpace | None, delay: float) -> list[str]:
-    """Return the commands that prove it, one a model; none where a file or the demand is not known to the command."""
+    """Return the commands that prove the loop, one for each model; none if models or demand are not from files."""
     if not sources.files or (w_P is not None and not sources.options):
         return []
     arguments = f" {sources.options}" * bool(sources.options) + (f" --delay {delay:g}" if delay else "")

@@ -27,13 +27,13 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.beginning import starting_state
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 
-# ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
+# ---- A system for the page: a Hessenberg form, whose response costs n^2 operations for each frequency.
 
 
 def _encode_response(system: control.StateSpace) -> JsonObject:
-    """Encode a system for C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
+    """Encode a system for C (x I - H)^-1 B + D, with x = j omega, or exp(j omega dt) - 1 if it is sampled.
 
-    A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
+    A sampled system is encoded as A - I, because its slow poles are close to one and would lose digits.
     """
     dt = timebase(system)
     A, B, C = scale_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
@@ -48,7 +48,7 @@ def _encode_response(system: control.StateSpace) -> JsonObject:
 
 
 def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
-    """Return [re, im] of the poles not stable beyond rounding; of a sampled system in s = 2/dt (z - 1)/(z + 1)."""
+    """Return [re, im] of the poles that are not stable beyond rounding; sampled ones as s = 2/dt (z - 1)/(z + 1)."""
     dt = timebase(system)
     poles, moved = poles_with_rounding(system)
     found = poles[(np.abs(poles) - 1 if dt else poles.real) >= -moved]
@@ -57,26 +57,26 @@ def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
     return [[float(p.real), float(p.imag)] for p in found]
 
 
-# ---- What the page is sources: models as a controller sees them, the demand, the controller to begin with.
+# ---- Content of the page: models as seen by the controller, the demand, the controller at the start.
 
 _LARGEST_NUMBER = 1e300
-_UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound: its square is a number still
-#: How far beyond the lines the winding is followed [decades], and points on each of those.
+_UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound; its square is still finite
+#: Decades below and above the lines over which the winding is counted, and points in each.
 _DECADES_BELOW, _DECADES_ABOVE, _POINTS_PER_DECADE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.
 _NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
-#: Lines that are drawn at most, of each model.
+#: Largest number of lines to draw for each model.
 _MAX_LINES = 400
 
 
 def _list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[UncertaintyModel]:
-    """Return the models of a page, or refuse what is none, or has no parametric nominal."""
+    """Return the models of a page; refuse other things, and models without a parametric nominal."""
     found = list(models) if isinstance(models, Sequence) else [models]
     if not found or not all(isinstance(model, UncertaintyModel) for model in found):
         raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(found)}")
     if any(model.measured_only for model in found):
         raise ValueError(
-            "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
+            "model must have a parametric nominal to shape a loop, got a measured FRF. Make a nominal by fit_nominal"
         )
     return found
 
@@ -91,7 +91,7 @@ def page_content(
     sources: PartSources,
     omega_c: float | None = None,
 ) -> JsonObject:
-    """Return everything the page needs, as JSON holds it; omega_c [rad/s] is where |L| = 1 at first, without a K."""
+    """Return the content of the page for JSON. Without K the page starts with |L| = 1 at omega_c [rad/s]."""
     models = _list_models(models)
     initial = state_space("K", 1.0 if K is None else K)
     w_P = None if w_P is None else state_space("w_P", w_P)
@@ -125,11 +125,11 @@ def page_content(
 
 
 def _loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
-    """Return the sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
+    """Return the sampling time of the loop [s]: as given, that of the controller, or that of the models."""
     dt = require_nonnegative("dt", dt)
     step = one_sampling_time([dt, *(model.nominal.dt for model in models), 0.0 if is_constant(K) else K.dt])
     if not is_constant(K) and step and not timebase(K):
-        raise ValueError(f"K must be sampled at {step:g} s as the loop is, got a continuous one. Use discretize")
+        raise ValueError(f"K must be sampled at {step:g} s like the loop, got a continuous one. Use discretize")
     return step
 
 
@@ -137,8 +137,8 @@ def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
     if row.depends_on_units:  # its conditions are no products of w, G and K
-        raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
-    # without a demand the bounds are those of robust stability: a demand that asks nothing
+        raise ValueError(f"model must have a form that the page can compute, got {model.form}: use plot_loop_bounds")
+    # without a demand the bounds are those of robust stability, computed with a negligible demand
     demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
     low, high = loop_bounds(model, demand)
     omega = model.omega[model.omega < loop.omega_max]
@@ -160,7 +160,7 @@ def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
 
 
 def _omits_aliases(loop: Loop) -> bool:
-    """Return whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
+    """Return whether the page shows rs without aliases: in an inverse form their condition is no magnitude of K S."""
     return loop.aliases is not None and loop.aliases.inverse
 
 
@@ -235,11 +235,12 @@ def write_shaping_page(
     delay: float = 0.0,
     title: str = "Shape a loop",
 ) -> None:
-    """Write a page to shape a loop in by hand: gain, integrator, lead, notch, roll-off dragged on |L|, live.
+    """Write a page to shape a loop by hand: drag gain, integrator, lead, notch and roll-off on |L|, live.
 
-    One HTML file that runs in any browser, needs no server and sends no request. It shows |L| between its bounds,
-    Nyquist with the discs of the set, rs, rp, S, T, the step response and a verdict *on a grid*, for several models at
-    once; it writes PID gains, the Python to paste, and the command that proves. The page itself proves nothing.
+    Use this to design a controller by eye, or to change one. The page is one HTML file that runs in any browser, needs
+    no server and sends no request. It shows |L| between its bounds, Nyquist plot with the discs of the set, rs, rp, S,
+    T, step response and a verdict *on a grid*, for several models at once. It gives PID gains, Python to paste, and
+    the command that proves the loop. The page itself proves nothing.
 
     Parameters
     ----------
@@ -250,8 +251,8 @@ def write_shaping_page(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller to begin with; what is shaped is multiplied to it. When not given, a gain, with integrator, lead and
-        roll-off where the plant asks for them, that makes |L| = 1 near the end of the demand or of the set.
+        Controller at the start; the shaped elements are multiplied to it. The default is a gain, with integrator, lead
+        and roll-off if the plant needs them, that makes |L| = 1 near the end of the demand or of the set.
     dt : float
         Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
     delay : float
@@ -262,8 +263,8 @@ def write_shaping_page(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a model on an FRF or of a form the page cannot compute with, sampling times
-        that differ.
+        A path that does not end in .html, a model without a parametric nominal, a form that the page cannot compute, or
+        sampling times that differ.
     FileNotFoundError
         A folder that does not exist.
 
@@ -283,7 +284,7 @@ def write_shaping_page(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_shaping_page(Path(folder, "shape.html"), model, delay=0.1)
     ...     text = Path(folder, "shape.html").read_text(encoding="utf-8")
-    >>> "default-src 'none'" in text, "src=" in text          # it may ask for nothing, and does not
+    >>> "default-src 'none'" in text, "src=" in text          # the page may not load anything, and does not
     (True, False)
     """
     path = page_path(path)
@@ -298,7 +299,7 @@ def page_text(content: JsonObject) -> str:
 
 
 def read_script() -> str:
-    """Return the module of JavaScript that page and notebook share: `start(element, content, changed)`."""
+    """Return the JavaScript of page and notebook, with the entry point `start(element, content, changed)`."""
     return "\n".join(_read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
 
 
@@ -308,6 +309,6 @@ def read_style() -> str:
 
 
 def _read_part(name: str) -> str:
-    """Return a file of this package; a closing tag inside would end the element that holds it."""
+    """Return a file of this package, with closing tags escaped, which would end the element around it."""
     text = files("robust.reports.shaping_page").joinpath(name).read_text(encoding="utf-8")
     return text.replace("</script", "<\\/script").replace("</style", "<\\/style")

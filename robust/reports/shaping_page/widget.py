@@ -1,4 +1,4 @@
-"""The shaping page as the output of a notebook cell, which gives back the controller that was shaped."""
+"""The shaping page as the output of a notebook cell, from which the shaped controller can be read."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def shape(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller to begin with; what is shaped is multiplied to it.
+        Controller at the start; the shaped elements are multiplied to it.
     dt : float
         Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
     delay : float
@@ -57,12 +57,12 @@ def shape(
     Returns
     -------
     anywidget.AnyWidget
-        With `K`, the control.StateSpace that stands on the page now, and `state`, its gain and elements.
+        With `K`, the present controller of the page as control.StateSpace, and `state`, its gain and elements.
 
     Raises
     ------
     ValueError
-        A model on an FRF or of a form the page cannot compute with, sampling times that differ.
+        A model without a parametric nominal, a form that the page cannot compute, or sampling times that differ.
     ImportError
         The package anywidget is missing.
 
@@ -83,7 +83,7 @@ def shape(
 
 @cache
 def widget_class() -> type[anywidget.AnyWidget]:
-    """Return the class of the widget, made when the first one is: anywidget is an extra."""
+    """Return the class of the widget; it is made at first use, because anywidget is an extra."""
     import_extra("anywidget", "notebook", "shape, unlike write_shaping_page,")
     import anywidget
     import traitlets
@@ -102,7 +102,7 @@ def widget_class() -> type[anywidget.AnyWidget]:
 
         @property
         def K(self) -> control.StateSpace:
-            """Return the controller that stands on the page."""
+            """Present controller of the page."""
             return shaped_controller(self.state, self.begun, self.content["dt"])
 
     return LoopShaper

@@ -107,4 +107,4 @@ def test_a_weak_direction_that_was_not_measured_has_no_lower_bound():
     frm = measured(np.array([[1.0, 1.0], [1.0, 1.0]]), noise=0.05, rng=2)
     assert np.mean(nlfrf.bla.singular_values(frm)[1][1] == 0) > 0.9
     text = describe_directions(frm)
-    assert "the set may hold a matrix of lower rank: the weakest direction is not measured" in text
+    assert "the set may contain a matrix of lower rank: the weakest direction is not measured" in text

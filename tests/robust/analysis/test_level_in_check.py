@@ -35,7 +35,7 @@ def test_check_and_report_carry_the_level(tmp_path):
         text = (tmp_path / "report.html").read_text(encoding="utf-8")
         assert ">level</th>" in text
         assert "below the measured 0.1" in text
-    with pytest.raises(ValueError, match="signals must be given to the check whose report"):
+    with pytest.raises(ValueError, match="signals must be left out with a report"):
         robust.reports.write_report(tmp_path / "report.html", model, 0.5, report=report, signals=signals, delay=1e-3)
 
 

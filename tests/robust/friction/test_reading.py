@@ -213,5 +213,5 @@ def test_whoever_follows_a_refusal_gets_a_verdict(run, asked, message):
 def test_a_nominal_is_for_BLAs(run):
     code, _, err = run("robust prove low.npz mid.npz high.npz K.json --nominal m.json")
     assert code == 2
-    assert "nominal must be left out with records, which are read as one mass with their delay" in unwrapped(err)
+    assert "nominal must be left out with records, which are read as one mass with a delay" in unwrapped(err)
     assert "nlfrf identify low.npz -o low-bla.npz" in unwrapped(err)

@@ -122,10 +122,10 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     )
     alone = robust.check(single, 2.0)
     for model, K, parts, message in (
-        (rig_model(), SMALL, {"report": alone}, "report must be what check gave of this model and this K"),
+        (rig_model(), SMALL, {"report": alone}, "report must be the result of check for this model and this K"),
         (rig_model(), SMALL, {"bla": rig_frm().entry(0, 0)}, "of several inputs or outputs, got one of one input"),
         (rig_model(), SMALL, {"report": report, "nominal": 3}, "nominal must be of type NominalFit"),
-        (single, 2.0, {"report": report}, "report must be what check gave of this model and this K"),
+        (single, 2.0, {"report": report}, "report must be the result of check for this model and this K"),
         (single, 2.0, {"bla": rig_frm()}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -138,6 +138,6 @@ def test_a_report_of_another_loop_is_refused(tmp_path):
     report = robust.check(rig_model(), SMALL)
     wider = robust.uncertainty(rig_frm(), rig_fit(), form="additive", order=2, confidence=0.999)
     for model, K in ((rig_model(), 1.01 * SMALL), (rig_model(), -SMALL), (wider, SMALL)):
-        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
             robust.reports.write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())

@@ -210,7 +210,7 @@ def test_parts_that_are_not_there_are_named(undrawn, tmp_path):
     report = write_report(tmp_path / "r.html", lti, 2.0)
     text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
     assert report.verdict in text
-    assert "was not handed over with this report" in text
+    assert "not given to this report" in text
     assert "none claimed" in text
 
 

@@ -50,7 +50,7 @@ def test_a_report_of_another_loop_is_refused(tmp_path):
     """One page would have told of two controllers."""
     wider = UncertaintyModel(MODEL.nominal, 1.01 * MODEL.weight, MODEL.form, MODEL.omega, MODEL.radius)
     for model, K in ((MODEL, 2.001), (wider, 2.0)):
-        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
             write_report(tmp_path / "r.html", model, K, report=check(MODEL, 2.0))
     assert not list(tmp_path.iterdir())
 
@@ -71,7 +71,7 @@ def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
         (lines(form="inverse-multiplicative"), 2.0),
         (lines(radius=0.11), 2.0),
     ):
-        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
             write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())
     write_report(tmp_path / "r.html", lines(), 2.0, report=report)
@@ -112,11 +112,11 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     text = plain(tmp_path / "r.html")
     assert "Two verdicts" in text
     banner = text[: text.index("1. Verdict")] if "1. Verdict" in text else text[:2000]
-    assert "refuted (said of the class, not of the machine: a named member makes the loop unstable; yours" in banner
+    assert "refuted (with one friction of the class the loop is unstable; the friction" in banner
     assert f"surely runs away from a kick of {proof.kick_sure:.3g} m/s" in banner
-    row = re.search(r"verdict robust refuted it means (.*?) because", text).group(1)
+    row = re.search(r"verdict robust refuted meaning (.*?) because", text).group(1)
     assert "keeps every plant of the set stable, which is proved" in row
-    assert "yours may be another" in row
+    assert "may be another" in row
     assert f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s" in text
     write_report(tmp_path / "without.html", stuck, K, report=report)
     assert "Two verdicts" not in plain(tmp_path / "without.html")

@@ -203,7 +203,7 @@ def test_the_commands_design_and_step(tmp_path, capsys):
         wanted = robust.load(learning).update(np.zeros(300), np.sin(np.arange(300) * T))
     assert np.allclose(found[:, 1], wanted, rtol=1e-12)
     e.write_text("one\ntwo\n")
-    with pytest.raises(ValueError, match="must hold numbers in its last column"):
+    with pytest.raises(ValueError, match="must have numbers in its last column"):
         app(["learn", "step", str(learning), str(u), str(e), "-o", str(following)], standalone_mode=False)
 
 

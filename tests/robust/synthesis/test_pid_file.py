@@ -217,10 +217,10 @@ def test_units_and_delay_that_the_file_leaves_open_are_named(command, tmp_path):
     written(tmp_path, PID.replace("800 N/m", "0.8 N/mm"))
     code, _, err = command("check model.json pid.toml")
     assert code == 2
-    assert "for a plant in m/N, as the model, got pid.toml for one in mm/N: Kp must be in N/m" in err
+    assert "for a plant in m/N, the unit of the model, got pid.toml for mm/N: Kp must be in N/m" in err
     written(tmp_path, 'sample_time = "1 ms"; Kp = 800; Ki = 5000.0')
     code, out, err = command("check model.json pid.toml")
     assert code == 0
-    assert "pid.toml gives Kp without a unit: N/m is taken, as the model is in m/N" in err
-    assert "pid.toml says no computation delay: none is taken" in err
+    assert "pid.toml has no unit for Kp: N/m is assumed, because the model is in m/N" in err
+    assert "pid.toml has no computation delay: zero is assumed" in err
     assert "PID parallel, Kp + Ki/s: Kp = 800 N/m" in out

@@ -43,7 +43,7 @@ def test_a_controller_file_has_the_unit_of_its_plant(tmp_path):
     robust.save(control.tf([2.0], [1]), bare)
     for unit, file in (("mm/A", path), ("", path), ("mm/1", path), ("m/N", bare)):
         assert load_loops([file], None, unit)[0][0].D[0, 0] == 2.0
-    with pytest.raises(ValueError, match=r"controller must be one for a plant in m/N.*K.json for one in mm/A"):
+    with pytest.raises(ValueError, match=r"controller must be for a plant in m/N.*K.json for mm/A"):
         load_loops([path], None, "m/N")
     with pytest.raises(ValueError, match="delay and unit must be left out"):
         robust.save(record(), tmp_path / "bla.npz", unit="mm/A")

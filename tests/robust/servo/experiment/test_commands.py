@@ -136,7 +136,7 @@ def test_a_band_without_lines_at_its_low_end_is_warned_of(run_step):
     band = "servo design belt --period 4000 --f-max 100 --rms 5 --seed 1 -o play.csv"
     code, _, err = run_step(*f"{band} --f-min 5".split())
     assert code == 0
-    assert "the band asked for is 5 to 100 Hz, the lines excited go from 9 to 9" in err
+    assert "the wanted band is 5 to 100 Hz, but the excited lines go from 9 to 9" in err
     assert "ask for --f-min 3" in err
     assert run_step(*f"{band} --f-min 9 --overwrite".split())[2] == ""
 

@@ -260,7 +260,7 @@ def test_what_the_simulated_axis_does_not_play(tmp_path):
     with pytest.raises(ValueError, match="path must hold set points called force, velocity, position, got none"):
         play_experiment(axis, play, out)
     table("position [mm]")
-    with pytest.raises(ValueError, match="path must have its position in m, as the axis has it"):
+    with pytest.raises(ValueError, match="path must have its position in m, the unit of the axis"):
         play_experiment(axis, play, out)
     table("position [m]")
     with pytest.raises(ValueError, match=r"out must end in \.csv"):
@@ -328,10 +328,13 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
 @pytest.mark.parametrize(
     ("axis", "message"),
     [
-        (free("linear motor", kp=1500.0), "is unstable without friction: peaks and set points"),
-        (free("linear motor", torque_constant=0.0528), "is unstable without friction: peaks and set points"),
+        (free("linear motor", kp=1500.0), "is unstable without friction: the computed peaks and set points"),
+        (
+            free("linear motor", torque_constant=0.0528),
+            "is unstable without friction: the computed peaks and set points",
+        ),
         (free("linear motor", kp=1.43, kv=1.0, tn=0.4), r"crosses over at 1[\d.]+ Hz, far outside the lines of 6"),
-        (free("linear motor", tn=12.0), "tn = 12 s is longer than the period of 0.5 s: .*tn is in seconds"),
+        (free("linear motor", tn=12.0), "tn = 12 s is longer than the period of 0.5 s: .*it is in seconds"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")

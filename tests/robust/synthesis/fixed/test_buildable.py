@@ -66,7 +66,7 @@ def test_the_command_takes_a_limit_on_T_and_a_filter_time(command_on_light_mode)
     assert peak <= 1.1
     code, _, err = run(f"{line} --bandwidth 1")
     assert code == 2
-    assert "filter-time must be asked of --method pid" in err
+    assert "filter-time must be given with --method pid" in err
 
 
 def test_a_design_is_told_to_save_its_controller(tmp_path):

@@ -51,7 +51,7 @@ def test_a_model_is_held_by_its_weight_on_a_grid(command):
     assert command("robust model bla.npz --poles 2 --zeros 0 -o m.json")[0] == 0
     code, out, _ = command("robust design m.json --method pid --peak 1.8 --sample-time 1e-3 -o K.json")
     assert code == 0
-    assert "limits tried: on a grid, for every plant that the weight of m.json allows; a grid proves nothing" in out
+    assert "limits tried: on a grid, for every plant within the weight of m.json; a grid proves nothing" in out
     (line,) = re.findall(r"prove it: +(.*)", out)
     code, out, err = command(line)
     assert code == 0, err
