@@ -271,8 +271,8 @@ class DriveFriction:
         law = Section("friction", "Friction", lead, facts=facts, table=table)
         if self.force is None:
             return (law,)
-        lead = "95 % intervals for any friction law, from the part of the commanded force that moves no mass."
-        return law, Section("force", "Friction without a law", lead, facts=self.force.facts)
+        lead = "95 % intervals for any friction law, from the commanded force minus that of mass and viscous friction."
+        return law, Section("force", "Friction for any law", lead, facts=self.force.facts)
 
     def describe_scope(self) -> list[str]:
         """Return sentences on the place of rest, on machines and delays of the proof, and on the force of a bound."""
@@ -481,10 +481,12 @@ def _read_friction(
     """Read the friction from traces at rest; a ValueError has the reason if that is not possible."""
     if len(records) < _FEWEST_LEVELS:
         raise ValueError(
-            f"it needs traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
+            f"a class of friction needs traces at rest at three levels or more, sticking to sliding, got {len(records)}"
         )
     if records[0].u_unit == "A":
-        raise ValueError("it needs traces of a force, got a current: give the torque_constant of the drive")
+        raise ValueError(
+            "a class of friction needs traces of a force, got a current: give torque_constant of the drive"
+        )
     return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
 
 

@@ -100,7 +100,7 @@ def design_experiment(
     >>> design_experiment(axis, ms, base_velocity=0.1, strokes=1, limits=limits, rms=500)
     Traceback (most recent call last):
         ...
-    ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity peaks at 0.986 of 0.1 m/s left ...
+    ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity would peak at 0.986, above ...
     """
     base_velocity = require_real("base_velocity", base_velocity)
     strokes = require_integer("strokes", strokes, least=0)
@@ -333,7 +333,7 @@ def _level_within(
     if level > largest * (1 + 1e-12):
         raise ValueError(
             f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g} "
-            f"{draft.force_unit}: {tightest} peaks at {level * each[tightest]:.3g} of {left[tightest]:.3g} "
+            f"{draft.force_unit}: {tightest} would peak at {level * each[tightest]:.3g}, above {left[tightest]:.3g} "
             f"{units[tightest]}" + (" left by the base motion" if base.velocity else "")
         )
     if not level > 0:

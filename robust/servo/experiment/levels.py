@@ -172,7 +172,7 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     """
     require_kind("experiment", experiment, AxisExperiment)
     if not experiment.is_ramp:
-        raise ValueError(f"experiment must be a ramp of levels, got one {', '.join(experiment.labels)}")
+        raise ValueError(f"experiment must be a ramp of levels, got one with the parts {', '.join(experiment.labels)}")
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}")
     records = [in_design_units(one, experiment) for one in records]

@@ -88,7 +88,9 @@ def play_experiment(
     position, force = axis.units
     for port, unit in zip(PORTS, (force, f"{position}/s", position), strict=True):
         if found.units.get(port, "") not in ("", unit):
-            raise ValueError(f"path must have its {port} in {unit}, the unit of the axis, got it in {found.units[port]}")
+            raise ValueError(
+                f"path must have its {port} in {unit}, the unit of the axis, got it in {found.units[port]}"
+            )
     if abs(found.fs / axis.drive.fs - 1) > 1e-6:
         raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {found.fs:g} Hz")
     trace = run(axis, {port: found.played.get(port) for port in PORTS}, oversampling=oversampling)

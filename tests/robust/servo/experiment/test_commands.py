@@ -173,7 +173,10 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
             "nlfrf identify trace.csv --design play.npz --period 500 -o x.npz",
             "period must be left out for an experiment on a",
         ),
-        ("servo levels trace.csv --design play.npz", "experiment must be a ramp of levels, got one at rest"),
+        (
+            "servo levels trace.csv --design play.npz",
+            "experiment must be a ramp of levels, got one with the parts at rest",
+        ),
         (
             "servo levels trace.csv --design ms.npz",
             "design must be a file from 'robust servo design', got ms.npz with a Multisine",

@@ -143,9 +143,9 @@ def test_a_measured_loop_gives_the_spectrum_too():
             {"rms": 500, "limits": AxisLimits(force=100)},
             "rms must be at most .* N within the limits, got 500 N: force peak",
         ),
-        ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel peaks at .* of 1e-05 m"),
+        ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel would peak at .*, above 1e-05 m"),
         ({}, "rms must be given without limits"),
-        ({"base_velocity": 0.1, "rms": 500}, "velocity peaks at .* of 0.1 m/s left by the base motion"),
+        ({"base_velocity": 0.1, "rms": 500}, "velocity would peak at .*, above 0.1 m/s left by the base motion"),
         (
             {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
             "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
