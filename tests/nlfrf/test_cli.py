@@ -178,7 +178,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         code, out, _ = nlfrf_command(*step.split())
         assert code == 0, step
         said.append(out)
-    assert "2 experiments of 2 inputs" in said[0]
+    assert "2 experiments with 2 inputs" in said[0]
     assert "2 experiments x 2 periods x 1024 samples\nwrote run.npz\n" in said[2]
     frm, row = load(tmp_path / "G.npz"), load(tmp_path / "row.npz")
     assert (frm.inputs, frm.outputs, row.outputs) == (("Fx", "Fy"), ("x", "y"), ("y",))
@@ -193,7 +193,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         ("design --inputs 2 --crest 1.7", "crest must be left out for several inputs"),
         ("design --zippered", "inputs must be 2 or more for --zippered, got 1"),
         ("design --draws 3", "inputs must be 2 or more for --draws, got 1"),
-        ("simulate ms.npz --mass 2", "mass and stiffness must be left out for several inputs"),
+        ("simulate ms.npz --mass 2", "mass and stiffness must be left out for two inputs"),
         ("simulate run.npz", "path must hold a multisine or an experiment on a drive, got run.npz, which is a record"),
         ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
         ("identify run.npz --opinion", "opinion must be left out for several inputs, got it with run.npz"),
