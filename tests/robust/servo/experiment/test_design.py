@@ -141,7 +141,7 @@ def test_a_measured_loop_gives_the_spectrum_too():
     [
         (
             {"rms": 500, "limits": AxisLimits(force=100)},
-            "rms must be at most .* N within the limits, got 500 N: force peak",
+            "rms must be at most .* N within the limits, got 500 N: force would peak",
         ),
         ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel would peak at .*, above 1e-05 m"),
         ({}, "rms must be given without limits"),
