@@ -206,7 +206,7 @@ def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):
 def test_what_is_no_ramp_is_refused(tmp_path):
     axis = without_friction(servo_axis("belt"))
     still = design_experiment(axis, MS, rms=20)
-    with pytest.raises(ValueError, match="experiment must be a ramp of levels, got one at rest"):
+    with pytest.raises(ValueError, match="experiment must be a ramp of levels, got one with the parts at rest"):
         find_levels([], still)
     ramp = design_ramp(axis, MS, rms=20)
     with pytest.raises(ValueError, match="records must be those of a ramp"):
