@@ -286,7 +286,7 @@ def told_by_the_check(facts, report):
     if np.isfinite(margins.S_worst):
         holds(facts["verdict", "max |S|"], margins.S_worst, margins.omega_S_worst / HZ, 2)
     if ("check", "encoder") in facts:
-        holds(facts["check", "encoder"], report.encoder_noise)
+        holds(facts["check", "encoder"], 1, report.encoder_noise)
     for name, numbers in classical(report).items():
         holds(facts["check", name], *numbers)
     if report.given.demand is not None:
