@@ -424,7 +424,10 @@ def test_a_continuous_design_has_its_delay(robust_command):
     [
         ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.5 -o K.json", "for 0.5 ms give --delay 0.0005"),
         ("design bla.npz --method pid --positive --sample-time 0.001 --delay 0.5 -o K.json", "periods of 0.001 s"),
-        ("check m.json old.json --delay 0.5", "at most 50 sampling periods of 0.001 s, got 0.5 s, which is 500 periods"),
+        (
+            "check m.json old.json --delay 0.5",
+            "at most 50 sampling periods of 0.001 s, got 0.5 s, which is 500 periods",
+        ),
         ("shape m.json --sample-time 0.001 --delay 0.5 -o s.html", "delay must be in seconds"),
         ("check md.json 2.json", "robust.lti.discretize(K, 0.001), or robust design --sample-time 0.001"),
     ],
