@@ -74,7 +74,7 @@ def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarra
         A = M * weight[:, None]
         A = np.vstack([A.real, A.imag])
         scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        theta = np.linalg.svd(A / scale)[2][-1] / scale
+        theta = np.linalg.svd(A / scale, full_matrices=False)[2][-1] / scale
         weight = 1 / np.maximum(np.abs(k * (Y @ theta[: basis.n_y])), 1e-300)
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
