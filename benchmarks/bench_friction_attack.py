@@ -81,7 +81,7 @@ def passive_attack(n: int, rng: np.random.Generator) -> tuple[Counter, list]:
     broken = []
     for _ in range(n):
         numbers, K, delay, omega, width = passive_loop(rng)
-        proof = robust.prove_friction(robust.friction_plant(*numbers), K, robust.friction.any_passive(), delay=delay)
+        proof = robust.prove_friction(robust.friction_plant(*numbers), K, robust.friction.Passive(), delay=delay)
         verdicts[proof.verdict] += 1
         if proof.verdict != "proved":
             continue
@@ -146,17 +146,17 @@ def main() -> None:
     parser.add_argument("--loops", type=int, default=400, help="loops with a sharp resonance")
     args = parser.parse_args()
     verdicts, broken = passive_attack(args.loops, np.random.default_rng(0))
-    print(f"any_passive, sharp resonances: {dict(verdicts)}; proved and unstable with a member: {len(broken)}")
+    print(f"Passive, sharp resonances: {dict(verdicts)}; proved and unstable with a member: {len(broken)}")
     for case in broken[:5]:
         print("   ", case)
     for swings in (0.3, 3.0, 10.0, 20.0, 32.0, 50.0):
         machine, k = fast_machine(swings, 0.01)
         K = control.StateSpace([], [], [], [[1e-9 * k]], SLOW)
-        bound = robust.prove_friction(machine, K, robust.friction.any_bounded(1.0)).error_bound * k
+        bound = robust.prove_friction(machine, K, robust.friction.Bounded(1.0)).error_bound * k
         print(f"{swings:5g} swings a sample: error_bound {bound:.5g}/k, right {bang_bang(0.01):.5g}/k; ", end="")
         machine, k = fast_machine(swings, 0.05 if swings < 5 else 0.02)
         K = control.StateSpace([], [], [], [[-1.3 * k]], SLOW)
-        kick = robust.prove_friction(machine, K, robust.friction.any_maxwell_slip(k), Fs=1.0).kick_sure
+        kick = robust.prove_friction(machine, K, robust.friction.MaxwellSlip(k), Fs=1.0).kick_sure
         print(f"kick_sure over the least that is: {kick / stopping_kick(machine, K, 16384):.5f}", flush=True)
 
 

@@ -28,8 +28,8 @@ import robust
 from benchmarks.friction_loops import bla_of_level, of_example_14, random_loops
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
-from robust.friction.classes import AnyFriction
 from robust.friction.plant import friction_loop
+from robust.friction.proof.protocol import FrictionClass
 
 MACHINE = robust.friction_plant(1.0, 80e3, 0.4)
 K0 = 64e3
@@ -159,7 +159,7 @@ def dahl(rng: np.random.Generator, stiction: float) -> Dahl:
     return Dahl(sigma0=K0, Fc=10 ** rng.uniform(-0.5, 0.5))
 
 
-def verdicts(loops: list, friction: AnyFriction) -> tuple[list, list[float]]:
+def verdicts(loops: list, friction: FrictionClass) -> tuple[list, list[float]]:
     """A proof of every loop, and how long each took [s]."""
     proofs, times = [], []
     for K, delay in loops:
@@ -169,7 +169,7 @@ def verdicts(loops: list, friction: AnyFriction) -> tuple[list, list[float]]:
     return proofs, times
 
 
-def counted(loops: list, friction: AnyFriction) -> tuple[list, list]:
+def counted(loops: list, friction: FrictionClass) -> tuple[list, list]:
     """Proofs of all loops, printed as counts, and the loops that are proved."""
     proofs, times = verdicts(loops, friction)
     count = Counter(proof.verdict for proof in proofs)
@@ -190,8 +190,8 @@ def attack(proved: list, bursts: int, stiction: float, rng: np.random.Generator,
 
 def from_levels(loops: list) -> None:
     """Of what is proved for the true machine and class, how much is with what three levels tell; and of the rest."""
-    assumed = robust.friction.friction_class([bla_of_level(rms) for rms in (0.1, 0.25, 2.5)])
-    truth, _ = verdicts(loops, robust.friction.any_maxwell_slip(K0, assumed.friction.stiction))
+    assumed = robust.friction.machine_with_friction([bla_of_level(rms) for rms in (0.1, 0.25, 2.5)])
+    truth, _ = verdicts(loops, robust.friction.MaxwellSlip(K0, assumed.friction[0].stiction))
     told = [robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay) for K, delay in loops]
     both = Counter((true.verdict, level.verdict) for true, level in zip(truth, told, strict=True))
     provable = sum(count for (true, _), count in both.items() if true == "proved")
@@ -200,13 +200,11 @@ def from_levels(loops: list) -> None:
     print(f"{both['refuted', 'proved']} of {unstable} that the truth refutes", flush=True)
 
 
-def certificates(loops: list, friction: AnyFriction) -> None:
+def certificates(loops: list, friction: FrictionClass) -> None:
     """Every proof made again over the rationals, and the time that one takes."""
     proved = [(K, d, p) for (K, d), p in zip(loops, verdicts(loops, friction)[0], strict=True) if p.verdict == "proved"]
     again = sum(proof.certificate.verify().verified for _, _, proof in proved)
-    print(
-        f"{friction.kind}, stiction {friction.stiction:.3g}: {again} of {len(proved)} hold over the rationals; ", end=""
-    )
+    print(f"{friction.description}: {again} of {len(proved)} hold over the rationals; ", end="")
     times = []
     for K, delay, _ in proved[::4]:
         begin = time.process_time()
@@ -220,11 +218,9 @@ def bounded() -> None:
     for clock in (1e-3, 1e-4, 1e-5):
         K = control.ss([[0.0]], [[1.0]], [[-60 / clock]], [[20e3 + 60 / clock]], clock)
         begin = time.process_time()
-        proof = robust.prove_friction(MACHINE, K, robust.friction.any_bounded(1.0))
+        proof = robust.prove_friction(MACHINE, K, robust.friction.Bounded(1.0))
         seconds = time.process_time() - begin
-        print(
-            f"any_bounded at {1e6 * clock:.0f} us: {proof.verdict}, {1e6 * proof.error_bound:.3f} um, {seconds:.3f} s"
-        )
+        print(f"Bounded at {1e6 * clock:.0f} us: {proof.verdict}, {1e6 * proof.error_bound:.3f} um, {seconds:.3f} s")
 
 
 def main() -> None:
@@ -243,12 +239,12 @@ def main() -> None:
     if args.certificates:
         from_levels(loops)
         for stiction in (1.05, 1 / 0.7):
-            certificates(loops, robust.friction.any_maxwell_slip(K0, stiction))
-        certificates(loops, robust.friction.any_bristle(K0, 1 / 0.7, MICRODAMPING))
+            certificates(loops, robust.friction.MaxwellSlip(K0, stiction))
+        certificates(loops, robust.friction.Bristle(K0, 1 / 0.7, MICRODAMPING))
         return
     for stiction in () if args.bristles else (1.05, 1 / 0.7):
         print("Maxwell slip, ", end="")
-        proofs, proved = counted(loops, robust.friction.any_maxwell_slip(K0, stiction))
+        proofs, proved = counted(loops, robust.friction.MaxwellSlip(K0, stiction))
         attack(proved, args.bursts, stiction, rng, law, "laws of the class")
         attack(proved, max(1, args.bursts // 24), stiction, rng, lugre, "LuGre, outside the class")
         springs = [(K, d, p.counterexample[0]) for (K, d), p in zip(loops, proofs, strict=True) if p.counterexample]
@@ -262,7 +258,7 @@ def main() -> None:
         (1 / 0.7, MICRODAMPING, bristles),
     ):
         print(f"bristles, microdamping {microdamping:g} Ns/m, ", end="")
-        _, proved = counted(loops, robust.friction.any_bristle(K0, stiction, microdamping))
+        _, proved = counted(loops, robust.friction.Bristle(K0, stiction, microdamping))
         attack(proved, 2 * args.bursts, stiction, rng, laws, "laws of the class")
 
 

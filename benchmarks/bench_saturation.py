@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--bursts", type=int, default=12, help="kicks or bursts for each proved loop")
     parser.add_argument("--every", type=int, default=1, help="only each of so many loops")
     args = parser.parse_args()
-    rng, slip = np.random.default_rng(0), robust.friction.any_maxwell_slip(K0, STICTION)
+    rng, slip = np.random.default_rng(0), robust.friction.MaxwellSlip(K0, STICTION)
     proofs, seconds = [], []
     for K, delay in (of_example_14() + random_loops(220, 1))[:: args.every]:
         begin = time.process_time()

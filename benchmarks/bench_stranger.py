@@ -203,7 +203,7 @@ def bound_of_truth(axis: Any) -> float:
     """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction force."""
     from nlfrf.rig import Drive
     from robust import friction_plant, prove_friction
-    from robust.friction import any_bounded
+    from robust.friction import Bounded
     from robust.servo.checking.friction import friction_behind_lag
     from robust.servo.gains.p_pi import cascade
 
@@ -219,7 +219,7 @@ def bound_of_truth(axis: Any) -> float:
     )
     plant = friction_behind_lag(friction_plant(axis.mass + axis.load, 0.0, axis.viscous), axis.lag)
     largest = axis.Fc if axis.law == "dahl" else axis.Fs
-    found = prove_friction(plant, cascade(settings, output_unit="N"), any_bounded(largest), delay=settings.delay)
+    found = prove_friction(plant, cascade(settings, output_unit="N"), Bounded(largest), delay=settings.delay)
     return float(found.error_bound)
 
 

@@ -24,7 +24,7 @@ import nlfrf
 import robust
 from nlfrf.friction import VaryingSliders
 from nlfrf.rig import Drive
-from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
 from robust.servo import cascade
 from robust.servo.checking.friction import friction_behind_lag
@@ -42,7 +42,7 @@ class PortCase:
     machine: FrictionPlant
     axis: nlfrf.rig.ServoAxis
     settings: Drive
-    friction: tuple[AnyFriction, ...]
+    friction: tuple[MaxwellSlip, ...]
     Fs: tuple[float, float]
 
 
@@ -72,7 +72,7 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     drive = replace(settings, velocity_feedforward=1.0)
     axis = nlfrf.rig.ServoAxis(motor_inertia=motor, drive=drive, load_inertia=load, stiffness=k, damping=c)
     machine = friction_behind_lag(two_mass_plant(motor, load, k, c, encoder=encoder), lag)
-    friction = tuple(any_maxwell_slip(*pair) for pair in zip(K0, stiction, strict=True))
+    friction = tuple(MaxwellSlip(*pair) for pair in zip(K0, stiction, strict=True))
     return PortCase(machine=machine, axis=axis, settings=settings, friction=friction, Fs=(Fs[0], Fs[1]))
 
 
@@ -82,7 +82,7 @@ def prove_case(case: PortCase) -> robust.friction.FrictionProof:
     return robust.prove_friction(case.machine, K, case.friction, delay=case.settings.delay, Fs=case.Fs)
 
 
-def draw_law(rng: np.random.Generator, friction: AnyFriction, Fs: float) -> VaryingSliders:
+def draw_law(rng: np.random.Generator, friction: MaxwellSlip, Fs: float) -> VaryingSliders:
     """A friction of the class at its limits."""
     n = int(rng.choice([1, 1, 2, 4]))
     scale = Fs / friction.K0

@@ -1,4 +1,4 @@
-"""Whether what `friction_class` reads from levels can make a false proof: random machines, levels and loops.
+"""Whether what `machine_with_friction` reads from levels can make a false proof: random machines, levels and loops.
 
 Machines: a mass, free or on a spring, with Maxwell slip of many elements, LuGre, Leuven, Dahl or generalised Maxwell
 slip; some with a load on a spring behind it, some with a delay in the measurement, some with noise. Level sets: good
@@ -181,11 +181,11 @@ def read(case: Case, blas: list[nlfrf.Bla], route: str) -> Any:
     """The class that is read, or the refusal as a sentence."""
     try:
         if route == "one mass":
-            return robust.friction.friction_class(blas)
+            return robust.friction.machine_with_friction(blas)
         level = 0 if route == "nominal, lowest level" else -1
         orders = {"n_poles": 4, "n_zeros": 2} if case.flexible else {"n_poles": 2, "n_zeros": 0}
         nominal = robust.fit_nominal(blas[level], delay="estimate" if case.delay else 0.0, **orders)
-        return robust.friction.friction_class(blas, nominal=nominal)
+        return robust.friction.machine_with_friction(blas, nominal=nominal)
     except ValueError as error:
         return str(error)
 
@@ -211,7 +211,7 @@ def port_stiffness(machine: Any) -> float:
 
 def trace(case: Case, found: Any, K: Any, delay: float) -> str:
     """Which part of the reading makes a false proof: the first that the truth in its place takes away."""
-    machine, K0 = found.machines[0], found.friction.K0
+    machine, K0 = found.machines[0], found.friction[0].K0
     k = port_stiffness(machine)
     if is_refuted(replace(machine, delay=case.delay) if hasattr(machine, "delay") else machine, K, delay, K0):
         return "the delay"
@@ -234,7 +234,7 @@ def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, 
     warnings.simplefilter("ignore")
     blas = measure(case, number)
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
-    truth = robust.friction.any_maxwell_slip(case.K0)
+    truth = robust.friction.MaxwellSlip(case.K0)
     verdicts = [robust.prove_friction(case.truth, K, truth, delay=delay + case.delay).verdict for K, delay in loops]
     lines, any_proved = [], np.zeros(len(loops), bool)
     for route in ROUTES:

@@ -10,7 +10,7 @@ those of the load.
 
 With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a quarter with a delay
 (those of benchmarks/read_class.py without a load), and PD and PID loops around them. A loop that the truth refutes and
-that is proved for the class that `friction_class` read from the records is false. --levels: rms of the force
+that is proved for the class that `machine_with_friction` read from the records is false. --levels: rms of the force
 over the break-away force, in the place of levels that stick, bend and slide.
 
 With --sets: three levels of the linear motor under its drive, played and traced as files, for each of the drives,
@@ -195,11 +195,11 @@ def attack_case(number: int, n_loops: int, levels: tuple[float, ...] | None = No
     """Read one random machine, and hold what is proved for the class against the truth."""
     case, counts = draw_case(number, seed=1), Counts()
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
-    truth = robust.friction.any_maxwell_slip(case.K0)
+    truth = robust.friction.MaxwellSlip(case.K0)
     verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
     counts.provable = verdicts.count("proved")
     try:
-        found = robust.friction.friction_class(records_of(case, number, levels), free=not case.stiffness)
+        found = robust.friction.machine_with_friction(records_of(case, number, levels), free=not case.stiffness)
     except ValueError as error:
         counts.refusal = str(error)
         return counts

@@ -61,7 +61,7 @@ def draw_axis(rng: np.random.Generator) -> Axis:
 
 def settling_proof(axis: Axis) -> robust.friction.FrictionProof:
     """The verdict on an axis."""
-    friction = robust.friction.any_maxwell_slip(axis.K0, axis.stiction)
+    friction = robust.friction.MaxwellSlip(axis.K0, axis.stiction)
     return robust.prove_friction(friction_plant(axis.mass, 0.0), axis.K, friction, delay=axis.T, Fs=FS)
 
 

@@ -19,7 +19,7 @@ import robust.servo
 from docs.gallery import made_from, outputs
 from nlfrf.friction import VaryingSliders
 from nlfrf.rig import Drive
-from robust.friction import any_maxwell_slip
+from robust.friction import MaxwellSlip
 from robust.plot import plot_check, plot_nyquist
 
 KINDS = {"excited": "#1d2733", "odd": "#d1681f", "even": "#1f6fd1"}
@@ -186,10 +186,10 @@ def verdicts_friction() -> Figure:
     late = replace(pi, delay_periods=2.0)
     figure = Figure(figsize=(9.6, 5.2), layout="constrained")
     rows = [
-        ("this run rests", replace(pi, tn=np.inf), any_maxwell_slip(1e5, 3.0), 1.0, (0, 300)),
-        ("this run hunts", pi, any_maxwell_slip(1e5, 3.0), 1.0, (-300, 300)),
-        ("this run vibrates", late, any_maxwell_slip(3e5, 1.5), 1.0, (-12, 12)),
-        ("this run rests", pi, any_maxwell_slip(1e5, 2.0), None, (-60, 60)),
+        ("this run rests", replace(pi, tn=np.inf), MaxwellSlip(1e5, 3.0), 1.0, (0, 300)),
+        ("this run hunts", pi, MaxwellSlip(1e5, 3.0), 1.0, (-300, 300)),
+        ("this run vibrates", late, MaxwellSlip(3e5, 1.5), 1.0, (-12, 12)),
+        ("this run rests", pi, MaxwellSlip(1e5, 2.0), None, (-60, 60)),
     ]
     for ax, (text, settings, friction, Fs, limits) in zip(figure.subplots(2, 2).flat, rows, strict=True):
         K = robust.servo.cascade(settings, output_unit="N")

@@ -32,7 +32,7 @@ import robust
 LEVELS = {"one level": (0.5,), "three levels": (0.25, 0.5, 2.0)}  # rms of the force [N]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 KICKS = {"gentle": 0.5, "hard": 2.0, "very hard": 20.0}  # rms of the burst [N]
-MACHINE, CLASS = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.any_maxwell_slip(64e3)  # it slides; friction
+MACHINE, CLASS = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.MaxwellSlip(64e3)  # it slides; friction
 T, BURST, QUIET = 1e-3, 0.3, 1.2  # sample time of the controller, how long the burst and the silence last [s]
 OUTCOMES = {"settled": "#009E73", "stable": "#0072B2", "limit cycle": "#D55E00", "ran away": "#000000"}
 

@@ -6,7 +6,7 @@ A mass on a spring with friction is identified at three levels. They give the ma
 while it sticks, and so a class of friction. Each controller with integral action gets either a proof that the machine
 comes to rest with every friction of the class, from every state, or a friction with which it does not. All are then
 simulated with frictions of the class, and with the friction of the paper's rig. The rig creeps below break-away and is
-only in ``any_bristle``, for which a PD is proved but no PID.
+only in ``Bristle``, for which a PD is proved but no PID.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def pid(Kp, Ki, Kd):
     return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T)
 
 
-assumed = robust.friction.friction_class([identified(rms) for rms in LEVELS])
+assumed = robust.friction.machine_with_friction([identified(rms) for rms in LEVELS])
 text = [str(assumed), ""]
 
 CONTROLLERS = {
@@ -54,8 +54,8 @@ proofs = {}
 for name, (K, delay) in CONTROLLERS.items():
     proof = proofs[name] = robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay, Fs=1.0)
     text += [f"--- {name} ---", str(proof), ""]
-creeping = robust.friction.any_bristle(
-    assumed.friction.K0, 1 / 0.7, 13.0
+creeping = robust.friction.Bristle(
+    assumed.friction[0].K0, 1 / 0.7, 13.0
 )  # what the levels cannot show: stiction, sigma1
 PD = control.StateSpace([[0.0]], [[1.0]], [[-60.0 / T]], [[20e3 + 60.0 / T]], T)
 for name, K in (("PD, bristles that creep", PD), ("PID, bristles that creep", pid(20e3, 3e5, 60.0))):
@@ -67,9 +67,9 @@ kicks = np.column_stack([np.zeros(12), np.geomspace(0.01, 1.0, 12)])
 figure, axes = plt.subplots(1, len(CONTROLLERS), figsize=(13, 4), layout="constrained")
 for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
     law = VaryingSliders(
-        stiffness=assumed.friction.K0 * rng.dirichlet(np.ones(4)),
+        stiffness=assumed.friction[0].K0 * rng.dirichlet(np.ones(4)),
         strength=rng.dirichlet(np.ones(4)),
-        stiction=assumed.friction.stiction,
+        stiction=assumed.friction[0].stiction,
         vs=0.01,
         dwell=0.05,
         wavelength=1e-4,

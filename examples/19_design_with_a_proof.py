@@ -58,8 +58,8 @@ def laws():
     yield "the rig", nlfrf.paper_rig()
     rng = np.random.default_rng(0)
     for i in range(2):
-        options = {"stiction": assumed.friction.stiction, "vs": 0.003, "dwell": 0.02, "asymmetry": 0.3 * i}
-        stiffness, strength = assumed.friction.K0 * rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
+        options = {"stiction": assumed.friction[0].stiction, "vs": 0.003, "dwell": 0.02, "asymmetry": 0.3 * i}
+        stiffness, strength = assumed.friction[0].K0 * rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
         sliders = VaryingSliders(stiffness=stiffness, strength=strength, **options)
         yield f"class {i + 1}", nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, sliders)
 
@@ -71,8 +71,8 @@ def shaped(crossover):
 
 
 blas = {rms: identified(rms) for rms in LEVELS}
-assumed = robust.friction.friction_class(list(blas.values()))
-ends = [spring(assumed.stiffness_low), spring(assumed.stiffness_low + assumed.friction.K0)]  # sliding, and stuck
+assumed = robust.friction.machine_with_friction(list(blas.values()))
+ends = [spring(assumed.stiffness_low), spring(assumed.stiffness_low + assumed.friction[0].K0)]  # sliding, and stuck
 proved = robust.design_frf(ends, "PID", M_S=2.5, dt=T, filter_time=T / 2, prove=assumed)
 model = robust.uncertainty(blas[0.5], robust.fit_nominal(blas[0.5], n_poles=3), order=6)
 plant = robust.sampled(model.nominal, T)
@@ -83,7 +83,7 @@ text += [f"{'':20}by friction: hardest kick that comes to rest [m/s], oscillatio
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), sharey=True, layout="constrained")
 for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     proof, k = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0), assumed.stiffness_low
-    kicks, bands = [], f"{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz"
+    kicks, bands = [], f"{band(K, k + assumed.friction[0].K0):9.3g} Hz{band(K, k):7.3g} Hz"
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
         responses = nlfrf.rig.run_loops(rig, np.zeros(3000), K, initial=starts)

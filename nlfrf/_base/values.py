@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from pathlib import Path
@@ -105,7 +105,7 @@ def value(cls: type[T], /) -> type[T]: ...
 def value(*, kw_only: bool = True, copy: bool = True, in_sentences: bool = False) -> Callable[[type[T]], type[T]]: ...
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
+@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False, field_specifiers=(field,))
 def value(
     cls: type[T] | None = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
 ) -> type[T] | Callable[[type[T]], type[T]]:

@@ -1,9 +1,8 @@
 """Loops with friction: the plant, classes of friction, proofs for a class, saturation.
 
-classes    classes of friction laws, without their parameters
+classes    classes of friction laws, described by bounds, one module each
 exact      verification of friction proofs in exact arithmetic
 nominal    machines of a nominal model, damped and undamped
-passivity  every passive friction: the damping that a loop leaves at its friction port
 plant      a machine with friction and its sampled loop; bounded motion
 proof      proofs that a loop comes to rest, for every friction of a class
 reading    machine and friction, estimated from measurements

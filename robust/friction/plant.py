@@ -66,6 +66,12 @@ class FrictionPlant:
         return int(np.atleast_2d(self.C_port).shape[0])
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """Phrase for the place of each port, for texts; empty for a single one."""
+        names = self.port_names or tuple(f"port {i + 1}" for i in range(self.n_ports))
+        return tuple(f" at {name}" for name in names) if self.n_ports > 1 else ("",)
+
+    @property
     def units(self) -> MechanicalUnits:
         """Units of position, velocity, force, stiffness and damping."""
         return mechanical_units(self.position_unit)
@@ -377,7 +383,7 @@ class FrictionLoop:
         """(P, n) velocity at each port."""
         return np.atleast_2d(self.v)
 
-    def period(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
+    def period(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> np.ndarray:
         """(n, n) state transition over one sample, from just before the jump, with springs and dampers at the ports.
 
         It is F for a continuous controller. kappa : stiffness [N/m], one for all ports or one for each.
@@ -390,11 +396,11 @@ class FrictionLoop:
             total = expm(span * F) @ jump @ total
         return total
 
-    def poles(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
+    def poles(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> np.ndarray:
         """Poles of the loop with a spring and a damper at its port; of one period for a sampled controller."""
         return np.linalg.eigvals(self.period(kappa, damper))
 
-    def growth(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> float:
+    def growth(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> float:
         """Largest |pole| minus one, or largest real part: negative for a stable loop."""
         poles = self.poles(kappa, damper)
         return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
@@ -805,12 +811,12 @@ _SPRING_SHARES = (
 
 
 def destabilizing_stiffness(
-    loop: FrictionLoop, K0: float | np.ndarray, damper: float = 0.0
+    loop: FrictionLoop, K0: float | np.ndarray, damper: float | np.ndarray = 0.0
 ) -> tuple[float | tuple[float, ...], complex] | None:
     """Return the most unstable stiffness [N/m] found in [0, K0], and its pole; None if none is unstable.
 
-    Each stiffness except zero comes with a damper [Ns/m], that of a bristle. With several ports, K0 and the stiffness
-    have one entry a port. The search covers a fixed grid and its refinement around the worst point.
+    Each stiffness except zero comes with a damper [Ns/m], that of a bristle. With several ports, K0, damper and
+    stiffness have one entry a port. The search covers a fixed grid and its refinement around the worst point.
     """
     beyond = _CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
     n_ports = loop.columns.shape[1]
@@ -835,3 +841,9 @@ def destabilizing_stiffness(
     stiffness = float(springs[0]) if loop.B.ndim == 1 else tuple(map(float, springs))
     poles = loop.poles(springs, damper)
     return stiffness, complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])
+
+
+def format_pole_modulus(size: float) -> str:
+    """Format the modulus of a pole with enough digits to distinguish it from one."""
+    digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
+    return f"{size:.{digits}g}"

@@ -22,7 +22,8 @@ from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.proof.certify import FrictionProof, plant_matrices
+from robust.friction.proof.certify import plant_matrices
+from robust.friction.proof.protocol import FrictionProof
 from robust.io.models import CERTIFICATE_SCHEMAS, PathLike
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase
@@ -85,7 +86,7 @@ def save_friction_proof(
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
         raise ValueError(f"report must contain a proof of a single loop, got the verdict {proof.verdict!r}")
-    units = proof.friction.units
+    units = proof.units
     write_claim(
         path,
         certificate.claim,

@@ -40,7 +40,7 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         save_learning(thing, path)
         return
     from robust.analysis.report import RobustnessReport
-    from robust.friction.proof.certify import FrictionProof
+    from robust.friction.proof.protocol import FrictionProof
     from robust.io.certificates import save_certificate
 
     if isinstance(thing, RobustnessReport | FrictionProof):

@@ -18,7 +18,7 @@ from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.text import describe_confidence
-from robust.friction.proof.certify import FrictionProof
+from robust.friction.proof.protocol import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set

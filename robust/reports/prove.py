@@ -16,14 +16,14 @@ import nlfrf
 from nlfrf._base.arguments import format_count, keep_warnings, repeat_warnings
 from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORDS, RECORD_SCHEMAS, require_file_of
 from nlfrf._base.values import value
-from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
+from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant
-from robust.friction.proof.certify import FrictionProof
-from robust.friction.reading.assumed_class import FrictionClass
-from robust.friction.reading.friction_class import friction_class
+from robust.friction.proof.protocol import FrictionProof
+from robust.friction.reading.assumed_class import MachineWithFriction
 from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.levels import require_si
+from robust.friction.reading.machine_with_friction import machine_with_friction
 from robust.friction.units import position_unit_of
 from robust.io.certificates import certificate_path, save_friction_proof
 from robust.io.models import load_bla, load_model
@@ -45,7 +45,7 @@ class MachineFiles:
 
     controller : used in the commands of messages only. nominal : with BLAs, the model around which they are read.
     stiffness : presliding stiffness of the friction [N/m]; with levels it replaces the one that is read.
-    stiction, free, masses : as for `friction_class`. load : options of `nlfrf.load_record`, for traces.
+    stiction, free, masses : as for `machine_with_friction`. load : options of `nlfrf.load_record`, for traces.
     """
 
     files: tuple[Path, ...]
@@ -82,10 +82,10 @@ class _FrictionBasis:
     """
 
     machines: tuple[FrictionPlant, ...]
-    friction: AnyFriction | FrictionAtPorts
+    friction: tuple[MaxwellSlip, ...]
     description: str
     sources: tuple[dict[str, object], ...]
-    levels: FrictionClass | None = None
+    levels: MachineWithFriction | None = None
     warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
@@ -113,11 +113,11 @@ def read_basis(given: MachineFiles) -> _FrictionBasis:
     found = _class_of_records(records, given) if records else _class_of_blas(blas, given)
     friction = found.friction
     if given.stiffness is not None:
-        if not isinstance(friction, AnyFriction):
+        if len(friction) > 1:
             raise ValueError(
                 f"stiffness must be left out with two masses, each of which has its own, got {given.stiffness:g}"
             )
-        friction = any_maxwell_slip(given.stiffness, friction.stiction, position_unit=friction.position_unit)
+        friction = (replace(friction[0], K0=given.stiffness),)
     sources = [_describe_source(path, "record" if records else "BLA", given.load) for path in measured]
     return _FrictionBasis(
         machines=found.machines,
@@ -151,7 +151,7 @@ def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     return repeat_warnings(level) if schema else level
 
 
-def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> FrictionClass:
+def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> MachineWithFriction:
     """Return the class from records; an error has the commands that read it from their BLAs around a nominal."""
     identified = [given.identify(path) for path in records]
     fit = _fit_command(_bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
@@ -169,10 +169,12 @@ def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles)
     with _add_next_command(
         "for a machine that is flexible, --masses 2, or around a nominal " + _go_on(*identified, fit, around)
     ):
-        return friction_class(list(records.values()), stiction=given.stiction, free=given.free, masses=given.masses)
+        return machine_with_friction(
+            list(records.values()), stiction=given.stiction, free=given.free, masses=given.masses
+        )
 
 
-def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> FrictionClass:
+def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> MachineWithFriction:
     """Return the class from BLAs, around a nominal if it is given; an error has the next commands."""
     files, measured = list(blas), list(blas.values())
     options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
@@ -190,10 +192,10 @@ def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> Frict
     if given.nominal is None:
         fitted = _go_on(_fit_command(highest), given.prove(files, nominal=_NOMINAL))
         with _add_next_command(f"for a machine that is flexible or well damped {fitted}"):
-            return friction_class(measured, stiction=given.stiction)
+            return machine_with_friction(measured, stiction=given.stiction)
     around = _load_machine(given.nominal, highest, given.prove(files, nominal=_NOMINAL)).nominal
     with _add_next_command(_go_on(given.prove_model(given.nominal))):
-        return friction_class(measured, nominal=around, stiction=given.stiction)
+        return machine_with_friction(measured, nominal=around, stiction=given.stiction)
 
 
 def _describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
@@ -219,7 +221,7 @@ def _basis_of_model(models: Sequence[Path], given: MachineFiles) -> _FrictionBas
     position_unit = position_unit_of(known.origin.unit)
     return _FrictionBasis(
         machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
-        friction=any_maxwell_slip(given.stiffness, given.stiction, position_unit=position_unit),
+        friction=(MaxwellSlip(given.stiffness, given.stiction, position_unit=position_unit),),
         description=description,
         sources=(_describe_source(model, "model"),),
     )

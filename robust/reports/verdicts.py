@@ -11,7 +11,7 @@ from robust._base.states import FrictionVerdict
 from robust._base.types import Weight
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
-from robust.friction.proof.certify import FrictionProof
+from robust.friction.proof.protocol import FrictionProof
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable
 from robust.models.sets.model import UncertaintyModel
@@ -29,7 +29,7 @@ _MEANING_OF_PROOF = {
 
 def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
     """Return rows of a table, the head first: question, answer of the check, answer of the proof."""
-    friction, settles = proof.friction.description, proof.verdict is FrictionVerdict.SETTLES
+    settles = proof.verdict is FrictionVerdict.SETTLES
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
     fails = away if np.isfinite(proof.kick_sure) else "unknown: there is no kick after which it surely does"
     if proof.verdict.is_proved:
@@ -39,7 +39,7 @@ def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
         ("verdict", report.headline, proof.verdict),
         ("meaning", report.meaning, _MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
-        ("holds for", report.proved or "the nominal plant and the measured set around it", f"every {friction}"),
+        ("holds for", report.proved or "the nominal plant and the measured set around it", proof.scope),
         ("linear part", "any plant of the set", f"{proof.machine.description}, exactly"),
         ("a harder kick than measured", "not covered: the machine slides more than in any record", "covered"),
         ("runs away", "not judged", fails),

@@ -42,7 +42,7 @@ PARTS = {
     "nlfrf.io": {"readers": "", ".": "readers"},
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
-    "robust.friction": {"exact": "", ".": "", "proof": "exact .", "reading": "."},
+    "robust.friction": {"exact": "", ".": "", "proof": "exact .", "classes": "proof exact .", "reading": "classes ."},
     "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "."},
     "robust.servo": {"gains": "", "experiment": "", "checking": "experiment gains", ".": "checking experiment gains"},
     "robust.reports": {".": "", "shaping_page": ""},
@@ -68,7 +68,7 @@ HEAVY = {
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
-    "robust.friction.proof.multipliers robust.friction.proof.settling",
+    "robust.friction.classes.bristle robust.friction.proof.settling",
     "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.pages.html",
     "jsonschema": "nlfrf._base.files",

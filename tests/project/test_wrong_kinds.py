@@ -58,7 +58,7 @@ def things():
     sound |= {
         "n_con": 1,
         "frm": frm,
-        "friction": robust.friction.any_bounded(1.0),
+        "friction": robust.friction.Bounded(1.0),
         "mass": 1.0,
         "stiffness": 1e4,
         "K0": 1e5,

@@ -7,7 +7,7 @@ from hashlib import sha256
 from robust.friction.reading.identification import identify_friction
 
 #: Where the packages call `identify_friction`.
-CALLERS = ("robust.servo.checking.friction", "robust.friction.reading.friction_class")
+CALLERS = ("robust.servo.checking.friction", "robust.friction.reading.machine_with_friction")
 _FITS = {}
 
 

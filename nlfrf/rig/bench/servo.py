@@ -495,7 +495,7 @@ def servo_axis(preset: str) -> ServoAxis:
     Returns
     -------
     ServoAxis
-        Axis with friction of the class `robust.friction.any_maxwell_slip` and viscous friction.
+        Axis with friction of the class `robust.friction.MaxwellSlip` and viscous friction.
 
     Raises
     ------

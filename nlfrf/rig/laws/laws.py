@@ -131,7 +131,7 @@ class VaryingSliders:
 
     with m the product of these factors, if used: exp(-(v/vs)^2) in slip; 1 - exp(-rest/dwell) after a time of rest;
     (1 + cos(2 pi x / wavelength)) / 2 along the path; 1 - asymmetry in negative direction; with a seed, a number drawn
-    anew whenever it sticks. Each such law lies in `robust.friction.any_maxwell_slip(sum of stiffness, stiction)`.
+    anew whenever it sticks. Each such law lies in `robust.friction.MaxwellSlip(sum of stiffness, stiction)`.
 
     Parameters
     ----------

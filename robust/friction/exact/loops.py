@@ -1,31 +1,13 @@
-"""The sliding loop of a claim over the rationals: flows between samples, jumps at samples, and its rest under 1 N."""
+"""The sliding loop of a claim over the rationals: flows between samples, jumps at samples, and its actuator."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TypeAlias
-
 from flint import fmpq, fmpq_mat
 
-from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.supply import ExactBlock, ExactLoop, Row, Rows, block_diagonal, equilibrium
 from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
-
-Row: TypeAlias = list[fmpq | int]
-Rows: TypeAlias = list[Sequence[fmpq | int]]
-
-
-@value(copy=False)
-class ExactLoop:
-    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at each port."""
-
-    F: fmpq_mat
-    B: fmpq_mat
-    x: fmpq_mat
-    v: fmpq_mat
-    spans: list[fmpq]
-    jumps: list[fmpq_mat]
 
 
 def _continuous_flow(
@@ -80,12 +62,6 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     )
 
 
-def block_diagonal(first: fmpq_mat, second: fmpq_mat) -> fmpq_mat:
-    rows: Rows = [[*row, *[0] * second.ncols()] for row in first.tolist()]
-    rows += [[*[0] * first.ncols(), *row] for row in second.tolist()]
-    return fmpq_mat(rows)
-
-
 def _split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     """Split a delay into whole samples and a remainder [s]."""
     near = fmpq(1, 10**9)
@@ -94,34 +70,7 @@ def _split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     return whole, left if left > near * T else fmpq(0)
 
 
-def equilibrium(loop: ExactLoop) -> fmpq_mat:
-    """Return the exact equilibrium under f = 1 at each port, one column each; raise a ValueError if there is none."""
-    n = loop.F.nrows()
-    rows, wanted = loop.F.tolist(), (-loop.B).tolist()
-    unit = identity(n)
-    for jump in loop.jumps:
-        rows, wanted = rows + (jump - unit).tolist(), wanted + [[fmpq(0)] * loop.B.ncols()] * n
-    M, b = fmpq_mat(rows), fmpq_mat(wanted)
-    try:
-        there = (M.transpose() * M).solve(M.transpose() * b)
-    except ZeroDivisionError:
-        raise ValueError("the rest of the loop is not unique") from None
-    if M * there != b:
-        raise ValueError("the loop does not rest under a constant friction")
-    return there
-
-
 # ---- An actuator that saturates, over the rationals: the loop with filters of its force, its supply, its region.
-
-
-@value(copy=False)
-class ExactBlock:
-    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2."""
-
-    # input_column, output_row: both as columns
-    input_column: fmpq_mat
-    output_row: fmpq_mat
-    weight: fmpq
 
 
 def check_actuator(claim: FrictionClaim) -> str:

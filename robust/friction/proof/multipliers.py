@@ -11,39 +11,28 @@ negative at every frequency, it contradicts any motion that continues. Nothing h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linprog, minimize_scalar
+from scipy.optimize import linprog
 
-from nlfrf._base.values import value
-from robust.proofs.search.programs import solve_program
-
-if TYPE_CHECKING:
-    import cvxpy
+from robust.friction.exact.classes import MaxwellSlipPort
+from robust.friction.proof.dissipation import ROUNDED_UP
 
 
-@value(copy=False)
-class Multipliers:
-    """Weights of the filters of a friction class, and the block of bristles."""
-
-    # rates, weights: (J,) rates [rad/s] of the filters, the reference first, and their weights mu_j
-    rates: np.ndarray
-    weights: np.ndarray
-    free: float  # weight of f v
-    # block, bounds: (3, 3) or (2,) for bristles, see `FrictionClaim`; empty for Maxwell slip
-    block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-
-def used_multipliers(rates: np.ndarray, mu: np.ndarray) -> Multipliers:
-    """Return the multipliers for one port without the filters of zero weight; the first filter, the reference, stays.
+def weighed_port(rates: np.ndarray, limits: MaxwellSlipPort, mu: np.ndarray) -> MaxwellSlipPort:
+    """Return one port with its weights, without the filters of zero weight; the first filter, the reference, stays.
 
     mu : (1 + J,) weight of f v, then one a rate.
     """
     used = np.append(True, mu[2:] > 0)
-    return Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
+    return replace(
+        limits,
+        stiction=max(limits.stiction, ROUNDED_UP),
+        free=float(mu[0]),
+        rates=rates[used],
+        weights=mu[1:][used],
+    )
 
 
 _N_FILTERS = 24
@@ -51,9 +40,9 @@ _N_FILTERS = 24
 _FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
 
 
-def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
-    """Return sets of rates a_j [rad/s], each with the reference first; all are below `fastest` = 1/bristle time."""
-    sets = []
+def filter_rates(reference: float, bristle_time: float = 0.0) -> list[np.ndarray]:
+    """Return sets of rates a_j [rad/s], each with the reference first; all are below 1/bristle_time."""
+    sets, fastest = [], 1 / bristle_time if bristle_time else np.inf
     for low, high in _FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)
         rates = np.geomspace(min(low, top / 10), top, _N_FILTERS)
@@ -93,6 +82,12 @@ def port_terms(
             forces[:, port], mobility[:, port], omega=omega, rates=rates, K0=K0[port], rho=rho[port]
         )
     return np.stack(table, axis=1)
+
+
+def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the (W, P, P) form Re(conj(x) y) of two linear forms (W, P)."""
+    full = np.conj(x)[:, :, None] * y[:, None, :]
+    return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 
 
 def friction_forms(
@@ -179,143 +174,3 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
         return np.zeros(n), -np.inf
     mu = np.clip(result.x[:-1], 0, None)
     return mu / columns, float(-(A[:, :-1] @ mu).max())
-
-
-# ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
-#
-# The bristle z bends with the velocity v minus a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|; F is a hysteresis
-# of z with slopes up to K0, f = F + sigma q. These forms in gamma = F'/K0 and q have integrals bounded from below:
-#
-#     F v                                      with weight mu
-#     -e_j q - (a_j/K0) e_j^2                  with weights nu_j; e_j = Fh_j - F, Fh_j' = a_j (F - Fh_j)
-#     (v, q, gamma) M (v, q, gamma)'           q between (1 - rho) v and (1 + rho) v, gamma between 0 and q
-#
-# The loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
-
-BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
-_MIN_SHARE = 1e-7  # share of a row that the solver must leave
-_SOLVER_TOLERANCE = 1e-9  # of M, added in the direction that makes the form larger: the tolerance of the solver
-_NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # relative to the largest weight; filters below are left out
-
-
-def bristle_terms(
-    mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
-) -> np.ndarray:
-    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q): of F v, of each filter and of each entry of M."""
-    s = 1j * omega
-    zero, one = np.zeros_like(s), np.ones_like(s)
-    F, q, gamma = (np.stack(pair, axis=1) for pair in ((K0 / s, zero), (zero, one), (one, zero)))
-    v = mobility[:, None] * (F + microdamping * q)
-    columns = [hermitian_product(F, v)]
-    for a in rates:
-        e = -K0 / (a + s)[:, None] * gamma
-        columns.append(-hermitian_product(e, q) - a / K0 * hermitian_product(e, e))
-    y = v, q, gamma
-    columns += [hermitian_product(y[i], y[j]) * (1 if i == j else 2) for i, j in BLOCK_ENTRIES]
-    return np.stack(columns, axis=1)
-
-
-def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the (W, P, P) form Re(conj(x) y) of two linear forms (W, P)."""
-    full = np.conj(x)[:, :, None] * y[:, None, :]
-    return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
-
-
-def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Multipliers | None:
-    """Return multipliers that make every matrix most negative relative to its entries; None if there are none.
-
-    The program is solved twice, the second time with the filters of large weight only: an interior-point solver leaves
-    none at zero.
-    """
-    theta = _solve_multipliers(table, rho)
-    if theta is None:
-        return None
-    n = theta.size
-    kept = np.arange(n) >= n - 6
-    for small in _NEGLIGIBLE_WEIGHTS:
-        kept[: n - 6] = theta[: n - 6] > small * np.abs(theta).max()
-        again = _solve_multipliers(table[:, kept], rho)
-        if again is not None:
-            break
-    else:
-        return None
-    found = np.zeros(n)
-    found[kept] = again / _term_sizes(table[:, kept])[1]
-    block, bounds = enlarge_block(found[n - 6 :], rho)
-    nu = found[1 : n - 6]
-    return Multipliers(
-        rates=rates[nu > 0], weights=nu[nu > 0], free=max(float(found[0]), 0.0), block=block, bounds=bounds
-    )
-
-
-def _term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W, 2) units of gamma and q at each frequency, and (C,) the largest size of each form in these units."""
-    unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
-    return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
-
-
-def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
-    """Return (C,) the multipliers of the cone solver, relative to the sizes of the forms; None if they fail."""
-    import cvxpy as cp
-
-    unit, scale = _term_sizes(table)
-    table = table * unit[:, None, :, None] * unit[:, None, None, :] / scale[:, None, None]
-    a, d, b = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
-    n = scale.size
-    theta, share, bounds = cp.Variable(n), cp.Variable(), cp.Variable(2, nonneg=True)
-    M = [theta[n - 6 + k] / scale[n - 6 + k] for k in range(6)]
-    constraints = [
-        cp.SOC(-(a + d) @ theta - 2 * share, cp.vstack([2 * b.real @ theta, 2 * b.imag @ theta, (a - d) @ theta])),
-        M[5] <= 0,
-        cp.norm(theta, 1) <= 1,
-        *([theta[: n - 6] >= 0] if n > 6 else []),
-    ]
-    for i, form in enumerate(_block_at_ends(M)):
-        p, cross, r = (x - bounds[i] * y for x, y in zip(form, _sector_form(rho), strict=True))
-        constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
-    solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL")
-    if theta.value is None or share.value is None or not share.value > _MIN_SHARE:
-        return None
-    return np.asarray(theta.value)
-
-
-#: Entries (v, v), (v, q), (q, q) of a form: numbers, or expressions of a convex program.
-Entries: TypeAlias = "tuple[float | cvxpy.Expression, float | cvxpy.Expression, float | cvxpy.Expression]"
-
-
-def _block_at_ends(M: np.ndarray | cvxpy.Variable) -> tuple[Entries, Entries]:
-    """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
-    return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
-
-
-def _sector_form(rho: float) -> tuple[float, float, float]:
-    """Return the form (q - (1 - rho) v)((1 + rho) v - q), entry by entry."""
-    return rho**2 - 1, 1.0, -1.0
-
-
-def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
-    """Enlarge M by the tolerance of the solver, so that its form is nonnegative for all possible q and gamma."""
-    M = np.array(entries)
-    M[5] = min(M[5], 0.0)
-    bounds, left = np.zeros(2), 0.0
-    for i, form in enumerate(_block_at_ends(M)):
-        bounds[i], below = _sector_multiple(form, rho)
-        left = max(left, below)
-    M[[0, 3]] += left + _SOLVER_TOLERANCE * np.abs(M).max()
-    block = np.zeros((3, 3))
-    for (i, j), entry in zip(BLOCK_ENTRIES, M, strict=True):
-        block[i, j] = block[j, i] = entry
-    return block, bounds
-
-
-def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
-    """Return the largest multiple of the sector form below a form in (v, q), and the deficit that remains."""
-
-    def below(multiple: float) -> float:
-        p, cross, r = (x - multiple * y for x, y in zip(form, _sector_form(rho), strict=True))
-        return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # minus the least eigenvalue, a convex function
-
-    top = 1.0 + 8 * np.abs(form).max()
-    found = minimize_scalar(below, bounds=(0.0, top), method="bounded", options={"xatol": 1e-12 * top})
-    multiple = min((0.0, float(found.x)), key=below)
-    return multiple, max(below(multiple), 0.0)

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nlfrf._base.arguments import require_positive, short_form
-from robust.friction.classes import AnyFriction, FrictionAtPorts
+from nlfrf._base.arguments import require_positive
 from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_error_bound
 from robust.friction.proof.dissipation import ROUNDED_UP
 from robust.friction.proof.multipliers import negative_multipliers, port_terms
@@ -16,25 +15,6 @@ from robust.friction.proof.multipliers import negative_multipliers, port_terms
 #: Coupling of the forces at two ports, relative to a definite matrix: slack for the aliases of the sampler.
 _COUPLINGS = (0.9, 0.99)
 _MIN_SHARE = 1e-9  # share of a row that must remain
-
-
-def friction_of_ports(
-    machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts | Sequence[AnyFriction]
-) -> AnyFriction | FrictionAtPorts:
-    """Return the class for one port, or for several ports together; refuse a number that differs from the ports."""
-    given = friction.ports if isinstance(friction, FrictionAtPorts) else friction
-    given = tuple(given) if isinstance(given, Sequence) else (given,)
-    for one in given:
-        if not isinstance(one, AnyFriction):
-            raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(one)}")
-    if len(given) != machine.n_ports:
-        raise ValueError(
-            f"friction must be a class for each friction port of the machine, {machine.n_ports}, got {len(given)}"
-        )
-    if machine.n_ports == 1:
-        return given[0]
-    names = machine.port_names or tuple(f"port {i + 1}" for i in range(machine.n_ports))
-    return FrictionAtPorts(ports=given, names=names)
 
 
 def largest_forces(machine: FrictionPlant, Fs: float | Sequence[float] | None) -> np.ndarray:

@@ -12,8 +12,8 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
-from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.exact.claim import Actuator
+from robust.friction.exact.classes import MaxwellSlipPort
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
@@ -22,28 +22,21 @@ from robust.friction.plant import (
     loop_frequencies,
     require_one_port,
 )
-from robust.friction.proof.certify import (
-    NOT_IN_CLASS,
-    FrictionProof,
-    build_claim,
-    certificate_of,
-    certify_friction,
-    reference_rate,
-)
+from robust.friction.proof.certify import build_claim, certificate_of, reference_rate
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (
-    Multipliers,
     filter_rates,
     friction_forms,
     hermitian_product,
     negative_multipliers,
-    used_multipliers,
+    weighed_port,
 )
+from robust.friction.proof.protocol import FrictionCertificate, FrictionClass, FrictionProof, ProofTask
 from robust.friction.proof.storage import Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 # ---- The initial velocity up to which an actuator suffices: the energy falls, and it bounds the commanded force.
 #
@@ -217,75 +210,62 @@ _SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
 _MAX_FAILURES = 2  # in a row, after which larger sector gains are not tried
 
 
-@value(copy=False)
-class _RegionOfAttraction:
-    """A proved initial velocity, and the numbers of its proof."""
+def largest_region(task: ProofTask, limits: MaxwellSlipPort, known: Actuator, left: float) -> FrictionCertificate:
+    """Return the largest region of attraction that is found, and why it is not every state.
 
-    actuator: Actuator
-    numbers: Multipliers  # weights of the friction
-    energy: JudgedStorage
+    limits : the class, without weights. left : limit minus friction [N].
+    """
+    cut = _open_at_actuator(task.machine, task.K, task.delay)
 
+    def region(share: float) -> FrictionCertificate:
+        return _region_for_sector(task, limits, cut, replace(known, share=share), left)
 
-def _largest_region(
-    machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, known: Actuator, left: float
-) -> _RegionOfAttraction | None:
-    """Return the largest region of attraction that is found; None if none is. left : limit minus friction [N]."""
-    cut = _open_at_actuator(machine, K, delay)
-
-    def region(share: float) -> _RegionOfAttraction | None:
-        own = replace(known, share=share)
-        return _region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, known=own, left=left)
-
-    if cut.open_growth() < 0 and (everywhere := region(1.0)) is not None:
-        return everywhere
-    best, missed = None, 0
+    why = (
+        "a quadratic energy cannot prove it. With the actuator at its limit the loop is open and does not come to rest "
+        "by itself (a controller that integrates without anti-windup, a machine without damping)."
+    )
+    if cut.open_growth() < 0:
+        why = "no weights were found for an actuator that may fail to deliver all of its force."
+        everywhere = region(1.0)
+        if everywhere.energy is not None:
+            return everywhere
+    best, missed = FrictionCertificate(why), 0
     for share in _SECTOR_GAINS:
         found = region(share)
-        missed = missed + 1 if found is None else 0
-        if found is not None and (best is None or found.actuator.kick > best.actuator.kick):
-            best = found
+        missed = missed + 1 if found.energy is None else 0
+        if found.kick > best.kick:
+            best = found._replace(reason=why)
         if missed == _MAX_FAILURES and share > _SECTOR_GAINS[_MAX_FAILURES]:
             break
     return best
 
 
 def _region_for_sector(
-    machine: FrictionPlant,
-    K: control.StateSpace,
-    *,
-    friction: AnyFriction,
-    delay: float,
-    cut: _LureLoop,
-    known: Actuator,
-    left: float,
-) -> _RegionOfAttraction | None:
-    """Return the region that is proved with the sector gain `known.share`, or None."""
-    omega, reference = loop_frequencies(cut.loop, _N_POINTS), reference_rate(machine, cut.loop)
-    fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
+    task: ProofTask, limits: MaxwellSlipPort, cut: _LureLoop, known: Actuator, left: float
+) -> FrictionCertificate:
+    """Return the region that is proved with the sector gain `known.share`, if one is."""
+    omega, reference = loop_frequencies(cut.loop, _N_POINTS), reference_rate(task.machine, cut.loop)
     forgets = _FILTER_SHARES if cut.loop.T else _FILTER_RATES * reference
-    for rates in filter_rates(reference, fastest)[:_N_SETS]:
+    for rates in filter_rates(reference, limits.bristle_time)[:_N_SETS]:
         table = _saturation_terms(
-            cut, omega, rates=rates, K0=friction.K0, rho=friction.stiction, forgets=forgets, share=known.share
+            cut, omega, rates=rates, K0=limits.K0, rho=limits.stiction, forgets=forgets, share=known.share
         )
         theta = negative_multipliers(table, couplings=_COUPLINGS, least=_MIN_SHARE)
         if theta is None or not theta[1 : rates.size + 1].any():
             continue
         mu, sector, given = theta[: rates.size + 1], float(theta[rates.size + 1]), theta[rates.size + 2 :]
         own = given > 0
-        wider = _open_at_actuator(machine, K, delay, forgets[own])
-        form = maxwell_slip_dissipation(wider.loop, rates, mu=mu, K0=friction.K0, rho=friction.stiction)
+        wider = _open_at_actuator(task.machine, task.K, task.delay, forgets[own])
+        form = maxwell_slip_dissipation(wider.loop, rates, mu=mu, K0=limits.K0, rho=limits.stiction)
         form = _with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
             kick = 0.0  # meaningless for a proof from every state
             if known.share < 1:
-                kick = _velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
-            return _RegionOfAttraction(
-                actuator=replace(known, kick=kick, sector=sector, forgets=forgets[own], weights=given[own]),
-                numbers=used_multipliers(rates, mu),
-                energy=energy,
-            )
-    return None
+                kick = _velocity_within_reach(task.machine, wider, energy=energy, reach=left / (1 - known.share))
+            actuator = replace(known, kick=kick, sector=sector, forgets=forgets[own], weights=given[own])
+            return FrictionCertificate("", (weighed_port(rates, limits, mu),), energy, actuator)
+    return FrictionCertificate("no region")
 
 
 _NOT_CLAIMED = (
@@ -294,13 +274,11 @@ _NOT_CLAIMED = (
 _NO_ACTUATOR_CLAIM = "anything with an actuator that saturates."
 
 
-def limits_of_force(
-    machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, forces: np.ndarray, saturation: float
-) -> Actuator:
+def limits_of_force(machine: FrictionPlant, friction: FrictionClass, forces: np.ndarray, saturation: float) -> Actuator:
     """Return the actuator of a claim before its proof, or refuse a class or a force that has no proof."""
     require_one_port(machine)
-    if friction.kind not in ("Maxwell slip", "bristle"):
-        raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
+    if not friction.takes_actuator:
+        raise ValueError(f"saturation must be left out, there is no proof with it for {friction.description}, got one")
     limit, Fs, unit = require_positive("saturation", saturation), float(forces[0]), friction.units.force
     if not limit > Fs:  # nan: not given
         raise ValueError(
@@ -309,10 +287,9 @@ def limits_of_force(
     return Actuator(limit=limit, Fs=Fs, kick=0.0, share=0.0, sector=0.0, forgets=np.zeros(0), weights=np.zeros(0))
 
 
-def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, known: Actuator) -> FrictionProof:
+def with_actuator(plain: FrictionProof, task: ProofTask, known: Actuator) -> FrictionProof:
     """Return the proof with the actuator, made from the proof without it."""
-    machine, friction = plain.machine, plain.friction
-    assert isinstance(friction, AnyFriction)
+    machine, (friction,) = task.machine, plain.friction
 
     def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
         none = replace(plain, kick=0.0, kick_linear=0.0, share=0.0, saturation=known.limit)
@@ -320,50 +297,36 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
 
     if plain.verdict is not FrictionVerdict.PROVED:
         return nothing(plain.verdict, f"without saturation: {plain.reason}")
-    cut = _open_at_actuator(machine, K, delay)
+    cut = _open_at_actuator(machine, task.K, task.delay)
     rest, offset = cut.loop.rest()
     left = known.limit - known.Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
     if left <= 0:
         return nothing(FrictionVerdict.NOT_DECIDED, "the friction alone uses up the limit")
     if not machine.velocity @ machine.B_port > 0:
         return nothing(FrictionVerdict.NOT_DECIDED, "a force at the friction port does not change the velocity at once")
-    kick, share, certificate, reach = 0.0, 0.0, plain.certificate, None
+    kick, share, certificate = 0.0, 0.0, plain.certificate
     try:
-        linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
+        linear = friction.certify(cut.loop, reference_rate(machine, cut.loop)).energy
         if linear is not None:
             kick = _velocity_within_reach(machine, cut, energy=linear, reach=left)
-        if friction.kind == "Maxwell slip":
-            reach = _largest_region(machine, K, friction=friction, delay=delay, known=known, left=left)
+        found = friction.region(task, known, left)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}")
     kick_linear = kick
-    if reach is not None and np.isfinite(kick) and (reach.actuator.share == 1 or reach.actuator.kick > kick):
-        share = reach.actuator.share
-        kick = np.inf if share == 1 else reach.actuator.kick
-        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=(reach.numbers,), stored=reach.energy)
-        certificate = certificate_of(replace(exact, actuator=reach.actuator))
+    if found.actuator is not None and found.energy is not None and found.kick > kick:
+        share, kick = found.actuator.share, found.kick
+        exact = build_claim(task, found.ports, found.energy)
+        certificate = certificate_of(replace(exact, actuator=found.actuator))
     everywhere = bool(np.isinf(kick))
-    other, unit = NOT_IN_CLASS[friction.kind], friction.units.force
+    unit = friction.units.force
     return replace(
         plain,
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        reason="" if everywhere else _describe_why_local(cut, friction),
-        not_claimed=_NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
+        reason="" if everywhere else f"From every state: {found.reason}",
+        not_claimed=_NOT_CLAIMED.format(other=friction.excluded, Fs=known.Fs, limit=known.limit, unit=unit),
         certificate=certificate,
         saturation=known.limit,
         kick=kick,
         kick_linear=kick_linear,
         share=share,
-    )
-
-
-def _describe_why_local(cut: _LureLoop, friction: AnyFriction) -> str:
-    """Give the reason why rest is not proved from every state."""
-    if friction.kind != "Maxwell slip":
-        return f"From every state: not tried for a {friction.kind}; up to this kick the actuator does not saturate."
-    if cut.open_growth() < 0:
-        return "From every state: no weights were found for an actuator that may fail to deliver all of its force."
-    return (
-        "From every state: a quadratic energy cannot prove it. With the actuator at its limit the loop is open and "
-        "does not come to rest by itself (a controller that integrates without anti-windup, a machine without damping)."
     )

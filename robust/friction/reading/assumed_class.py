@@ -1,4 +1,4 @@
-"""``FrictionClass``: machine and friction assumed for a proof, made of estimates with their intervals."""
+"""``MachineWithFriction``: machine and friction assumed for a proof, made of estimates with their intervals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
-from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
+from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant, require_one_port
 from robust.friction.units import format_plain
 
@@ -17,7 +17,7 @@ ASSUMPTION_NOTE = (
 
 
 @value
-class FrictionClass:
+class MachineWithFriction:
     """A linear plant and a class of friction from measured levels: an assumption, with its evidence.
 
     For an axis that turns, read N as Nm and m as rad; `machine` and `friction` have their unit.
@@ -28,8 +28,8 @@ class FrictionClass:
         The machine with the lowest stiffness that the levels allow, for each damping of a proof: without damping, and
         for a nominal also with that of its fit. A stiffer machine is in the class, because the difference is a spring
         that does not slip. An estimated delay is kept.
-    friction : AnyFriction or FrictionAtPorts
-        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin; for two masses at both.
+    friction : tuple of MaxwellSlip
+        The class at each friction port, with the stiffness from that of `machine` to that at rest, and a margin.
     evidence : str
         Source of the estimate, and what the data cannot show.
     mass, mass_std : float
@@ -46,20 +46,20 @@ class FrictionClass:
     Examples
     --------
     >>> import nlfrf
-    >>> from robust.friction import friction_class
+    >>> from robust.friction import machine_with_friction
     >>> grid = dict(fs=4096, n_samples=16384, f_min=1.25, f_max=250, rng=1)
     >>> rig = nlfrf.paper_rig()
     >>> blas = [nlfrf.identify(nlfrf.simulate(rig, nlfrf.multisine("special-odd", rms=rms, **grid), n_periods=2))
     ...         for rms in (0.1, 0.25, 2.5)]
-    >>> found = friction_class(blas)                        # the rig has 1 kg, 80 kN/m and 64 kN/m
+    >>> found = machine_with_friction(blas)                        # the rig has 1 kg, 80 kN/m and 64 kN/m
     >>> bool(abs(found.mass - 1) < 0.02), bool(0.9 < found.stiffness_low / 80e3 < 1)
     (True, True)
-    >>> bool(144e3 < found.stiffness_low + found.friction.K0 < 170e3)
+    >>> bool(144e3 < found.stiffness_low + found.friction[0].K0 < 170e3)
     True
     """
 
     machines: tuple[FrictionPlant, ...]
-    friction: AnyFriction | FrictionAtPorts
+    friction: tuple[MaxwellSlip, ...]
     evidence: str
     mass: float
     mass_std: float
@@ -84,7 +84,7 @@ class MachineRead:
     machines : tuple of FrictionPlant
         The linear plant, for each damping of a proof.
     mass, mass_std, stiffness_low, stiffness_std : float
-        As in `FrictionClass`.
+        As in `MachineWithFriction`.
     stiffness : float
         Estimated stiffness [N/m]; `stiffness_low` is its lower end.
     K0, stiction : (P,) ndarray
@@ -108,7 +108,7 @@ class MachineRead:
     misfit: str
 
 
-def assume_class(read: MachineRead, *, stiction: float, margin: float) -> FrictionClass:
+def assume_class(read: MachineRead, *, stiction: float, margin: float) -> MachineWithFriction:
     """Return the class of an estimate: a margin on the upper end of K0, plus the reduction of the stiffness.
 
     stiction : largest over smallest force of a slider; the upper end of the estimate is used if it is larger.
@@ -119,10 +119,9 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Fricti
     stiffness, ratio = margin * read.K0, np.fmax(stiction, read.stiction)
     stiffness[0] += read.stiffness - read.stiffness_low
     ports = tuple(
-        any_maxwell_slip(float(K0), float(rho), position_unit=machine.position_unit)
+        MaxwellSlip(float(K0), float(rho), position_unit=machine.position_unit)
         for K0, rho in zip(stiffness, ratio, strict=True)
     )
-    friction = ports[0] if machine.n_ports == 1 else FrictionAtPorts(ports=ports, names=machine.port_names)
     places = "" if machine.n_ports == 1 else " at " + " and ".join(machine.port_names)
     stiffest = " and ".join(format_plain(one.K0 / 1e3) for one in ports)
     ratios = " and ".join(f"{one.stiction:.3g}" for one in ports)
@@ -131,12 +130,12 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Fricti
     elif ports[0].stiction > read.stiction[0]:
         ratios += read.stiction_note
     evidence = (
-        f"Assumed, {read.source}: {read.description}; K0 = {stiffest} {friction.units.stiffness}{places}, {margin:g} "
+        f"Assumed, {read.source}: {read.description}; K0 = {stiffest} {machine.units.stiffness}{places}, {margin:g} "
         f"times {read.K0_note}; stiction {ratios}; {read.misfit}. {ASSUMPTION_NOTE}"
     )
-    return FrictionClass(
+    return MachineWithFriction(
         machines=read.machines,
-        friction=friction,
+        friction=ports,
         evidence=evidence,
         mass=read.mass,
         mass_std=read.mass_std,
@@ -146,16 +145,15 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Fricti
 
 
 def machines_of(
-    machine: FrictionPlant | FrictionClass, friction: AnyFriction | None
-) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
-    """Return the machines to prove and the class; both come from a `FrictionClass` if one is given."""
-    if isinstance(machine, FrictionClass) and friction is None:
+    machine: FrictionPlant | MachineWithFriction, friction: MaxwellSlip | None
+) -> tuple[tuple[FrictionPlant, ...], MaxwellSlip]:
+    """Return the machines to prove and the class; both come from a `MachineWithFriction` if one is given."""
+    if isinstance(machine, MachineWithFriction) and friction is None:
         require_one_port(machine.machine)
-        assert isinstance(machine.friction, AnyFriction)
-        return machine.machines, machine.friction
+        return machine.machines, machine.friction[0]
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
+        raise ValueError(f"machine must be a friction_plant, or a MachineWithFriction alone, got {short_form(machine)}")
     require_one_port(machine)
-    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
+    if not isinstance(friction, MaxwellSlip):
+        raise ValueError(f"friction must be robust.friction.MaxwellSlip(...), got {short_form(friction)}")
     return (machine,), friction

@@ -331,7 +331,7 @@ def model_of(blas: list[Bla], nominal: object) -> _Model:
 
 
 def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
-    """Return machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
+    """Return machine and presliding stiffness from the BLAs of three levels or more; see `machine_with_friction`."""
     own = getattr(nominal, "position_unit", "")
     position_unit = require_levels(
         "blas", [(bla.y_unit or own, bla.u_unit) for bla in blas], [bla.f.size for bla in blas]

@@ -320,7 +320,8 @@ def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBa
 #: Advice for levels that one mass (False) or two masses (True) do not explain.
 _ANOTHER_MACHINE = {
     False: (
-        "Measure to beyond the resonance and take masses=2, or give friction_class the BLAs and a nominal with the mode"
+        "Measure to beyond the resonance and take masses=2, or give machine_with_friction the "
+        "BLAs and a nominal with the mode"
     ),
     True: (
         "The search may have ended in a wrong minimum: add a level between those that bend. Or look for play, or "
@@ -542,7 +543,7 @@ def identify_friction(
     may be open or closed. The friction model is Maxwell slip with any elements, stiction and a Stribeck curve.
 
     Use this for an axis that you can excite at three levels or more, the lowest so low that friction sticks.
-    `friction_class` turns the fit into a class for `prove_friction`.
+    `machine_with_friction` turns the fit into a class for `prove_friction`.
 
     With two masses the force acts on the motor, and the encoder measures its position. The load hangs on a spring and a
     damper, and each mass has friction. Measure beyond the resonance: below it the two are hard to distinguish.

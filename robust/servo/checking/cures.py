@@ -11,9 +11,9 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
-from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
 from robust.friction.proof.ports import largest_forces
+from robust.friction.proof.protocol import FrictionClass
 from robust.friction.proof.prove import prove_friction
 from robust.servo.gains.p_pi import cascade
 
@@ -65,7 +65,7 @@ class FrictionCure:
 def friction_cures(
     machine: FrictionPlant,
     settings: Drive,
-    friction: AnyFriction | FrictionAtPorts,
+    friction: FrictionClass | Sequence[FrictionClass],
     *,
     Fs: float | Sequence[float],
     output_unit: str = "",
@@ -83,8 +83,8 @@ def friction_cures(
         The axis in the units of the velocity loop (m or rad).
     settings : Drive
         The drive with its present gains.
-    friction : AnyFriction or FrictionAtPorts
-        The class of friction.
+    friction : FrictionClass or sequence of FrictionClass
+        The class of friction; for several friction ports one each.
     Fs : float or sequence of float
         Largest friction force [N] or [Nm], one for each friction port.
     output_unit : str
@@ -107,10 +107,10 @@ def friction_cures(
 
     Examples
     --------
-    >>> from robust.friction import any_maxwell_slip
+    >>> from robust.friction import MaxwellSlip
     >>> from robust import friction_plant
     >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
-    >>> cures = friction_cures(friction_plant(1.0, 0.0), settings, any_maxwell_slip(1e5, 3.0), Fs=1.0)
+    >>> cures = friction_cures(friction_plant(1.0, 0.0), settings, MaxwellSlip(1e5, 3.0), Fs=1.0)
     >>> str(cures[0].verdict), cures[0].change
     ('proved', 'no integral action (dead band or leak of the integrator)')
     """
@@ -144,7 +144,7 @@ def friction_cures(
 def _judge(
     machine: FrictionPlant,
     settings: Drive,
-    friction: AnyFriction | FrictionAtPorts,
+    friction: FrictionClass | Sequence[FrictionClass],
     *,
     forces: np.ndarray,
     output_unit: str,

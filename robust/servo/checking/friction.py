@@ -16,17 +16,16 @@ import nlfrf
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
-from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, pad_states
-from robust.friction.proof.certify import FrictionProof
+from robust.friction.proof.protocol import FrictionClass, FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
-from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, FrictionClass
+from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, MachineWithFriction
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_rounded, number_facts, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
-from robust.friction.reading.friction_class import friction_class
 from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
+from robust.friction.reading.machine_with_friction import machine_with_friction
 from robust.friction.units import format_length, format_plain
 from robust.pages.section import Fact, Section
 from robust.servo.checking.cures import FrictionCure, friction_cures
@@ -68,7 +67,7 @@ class DriveFriction:
     ------
     fit : FrictionFit or None
         Machine and friction from traces at rest, with intervals.
-    assumed : FrictionClass or None
+    assumed : MachineWithFriction or None
         Machine and class of the proof.
     proofs : tuple of FrictionProof
         The verdicts, the weakest first: for the mass as read without viscous friction, and if that is proved, for the
@@ -100,7 +99,7 @@ class DriveFriction:
     """
 
     fit: FrictionFit | None = None
-    assumed: FrictionClass | None = None
+    assumed: MachineWithFriction | None = None
     proofs: tuple[FrictionProof, ...] = ()
     cures: tuple[FrictionCure, ...] = ()
     bounded: FrictionProof | None = None
@@ -146,7 +145,7 @@ class DriveFriction:
         """Largest presliding stiffness [N/m] for which the verdict holds; nan if it holds for any."""
         if self.assumed is None or self.bounded is not None:
             return np.nan
-        return float(np.max(self.assumed.friction.K0))
+        return max(one.K0 for one in self.assumed.friction)
 
     @property
     def delay(self) -> str:
@@ -311,7 +310,9 @@ def _describe_reading(fit: FrictionFit) -> list[Fact]:
     ]
 
 
-def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> tuple[tuple[str, ...], ...]:
+def _tabulate_assumptions(
+    fit: FrictionFit, assumed: MachineWithFriction, known_delay: float
+) -> tuple[tuple[str, ...], ...]:
     """Return the table of numbers as read and as assumed by the proof; `known_delay` [s] is that of the settings."""
     delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
     assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(fit, assumed) | {"delay": delay}
@@ -332,10 +333,9 @@ def _tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay:
 _UNLIMITED = "any", "no limit in class"
 
 
-def _assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
+def _assumptions_of_mass(fit: FrictionFit, assumed: MachineWithFriction) -> dict[str, tuple[str, str]]:
     """Return (value, reason) of the assumption of the proof on each number, for one mass."""
-    (low, high), damping, friction = fit.interval("mass"), largest_damping(fit), assumed.friction
-    assert isinstance(friction, AnyFriction)
+    (low, high), damping, (friction,) = fit.interval("mass"), largest_damping(fit), assumed.friction
     return {
         "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
         "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
@@ -347,12 +347,11 @@ def _assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, 
     }
 
 
-def _assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
+def _assumptions_with_load(fit: FrictionFit, assumed: MachineWithFriction) -> dict[str, tuple[str, str]]:
     """Return (value, reason) of the assumption of the proof on each number, for motor and load."""
     friction, damping = assumed.friction, largest_damping(fit)
-    assert isinstance(friction, FrictionAtPorts)
-    stiffest = [format_plain(one.K0 / 1e3) for one in friction.ports]
-    ratios = [f"{one.stiction:.3g}" for one in friction.ports]
+    stiffest = [format_plain(one.K0 / 1e3) for one in friction]
+    ratios = [f"{one.stiction:.3g}" for one in friction]
 
     def ends(name: str, port: str = "") -> str:
         low, high = interval_at_port(fit, name, port) if port else fit.interval(name)
@@ -394,7 +393,7 @@ def judge_friction(
         except (ValueError, np.linalg.LinAlgError) as error:
             return DriveFriction(note=str(error))
     try:
-        assumed = friction_class(fit, stiction=stiction, margin=_K0_MARGIN)
+        assumed = machine_with_friction(fit, stiction=stiction, margin=_K0_MARGIN)
     except ValueError as error:
         return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":
@@ -418,7 +417,7 @@ def judge_friction(
         return DriveFriction(fit=fit, note=str(error))
     if proofs[0].verdict is FrictionVerdict.PROVED:
         # with friction at two places the bound takes longer to compute than the proof
-        at_ends = None if isinstance(friction, FrictionAtPorts) else largest
+        at_ends = largest if len(friction) == 1 else None
         proofs = (*proofs, *prove_all(ends, K, friction, delay=late, Fs=at_ends))
         proofs = tuple(sorted(proofs, key=lambda proof: proof.verdict is FrictionVerdict.PROVED))
     cures: tuple[FrictionCure, ...] = ()
@@ -448,7 +447,7 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 
 
 def bound_any_friction(
-    machine: FrictionPlant, settings: Drive, friction: AnyFriction, *, output_unit: str
+    machine: FrictionPlant, settings: Drive, friction: FrictionClass, *, output_unit: str
 ) -> FrictionProof:
     """Return the bound of the error of a machine under its drive, with any bounded friction at any of its ports.
 
@@ -493,7 +492,7 @@ def _read_friction(
 def largest_added_delay(
     machines: Sequence[FrictionPlant],
     K: control.StateSpace,
-    friction: AnyFriction | FrictionAtPorts,
+    friction: FrictionClass | Sequence[FrictionClass],
     *,
     delay: float,
     period: float,

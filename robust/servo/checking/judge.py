@@ -28,7 +28,7 @@ from robust.analysis.loop import assemble_loop
 from robust.analysis.performance import StepResponse, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check as check_loop
-from robust.friction.classes import any_bounded
+from robust.friction.classes.bounded import Bounded
 from robust.friction.plant import friction_plant
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.from_blas import highest_level
@@ -99,7 +99,7 @@ def check(
     Fs : float, optional
         Largest friction force [N] or [Nm]. It gives a bound of the error if the axis may not come to rest. The default
         is the upper end of the break-away force that was read. If no friction was read, the bound is that of
-        `any_bounded` around the linear model.
+        `Bounded` around the linear model.
     spring : bool
         True if a spring to ground, such as a balancer, is part of the machine.
     masses : int
@@ -271,7 +271,7 @@ def with_bound(
     if largest is None or not np.isfinite(largest) or np.isfinite(friction.within):
         return friction
     damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
-    any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
+    any_friction = Bounded(largest, damped, position_unit=settings.base_unit)
     plants, two = [], force is not None and force.load is not None
     if machine is not None and not two:
         plants = [(friction_plant(machine, position_unit=settings.base_unit), MODEL)]

@@ -23,7 +23,7 @@ from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust._base.types import LinearSystem
 from robust.friction.plant import FrictionPlant
-from robust.friction.reading.assumed_class import FrictionClass
+from robust.friction.reading.assumed_class import MachineWithFriction
 from robust.friction.reading.from_blas import SIGMAS
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
@@ -88,7 +88,7 @@ class _FeedforwardGains:
     def relative_error(self) -> float:
         """q: largest error of the dry friction over the largest stiction; 0 without friction.
 
-        While the axis slides in the direction of its set point the friction that is left is `any_bounded(q * Fs)`.
+        While the axis slides in the direction of its set point the friction that is left is `Bounded(q * Fs)`.
         """
         return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
 
@@ -122,7 +122,7 @@ class _FeedforwardGains:
 
 
 def feedforward(
-    plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass | None = None,
+    plant: LinearSystem | UncertaintyModel | FrictionPlant | MachineWithFriction | None = None,
     *,
     mass: Interval | None = None,
     viscous: Interval | None = None,
@@ -137,9 +137,9 @@ def feedforward(
 
     Parameters
     ----------
-    plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or FrictionClass, optional
-        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `FrictionClass` gives its mass with three
-        standard deviations to either side. Without a plant, `mass` is needed.
+    plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or MachineWithFriction, optional
+        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `MachineWithFriction` gives its mass with
+        three standard deviations to either side. Without a plant, `mass` is needed.
     mass, viscous : float or (low, high), optional
         [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number or an interval, instead of those of the plant.
     coulomb, stiction : float or (low, high)
@@ -223,10 +223,10 @@ def _interval(name: str, given: Interval) -> np.ndarray:
 
 
 def _rigid_body(
-    plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass,
+    plant: LinearSystem | UncertaintyModel | FrictionPlant | MachineWithFriction,
 ) -> tuple[Interval, Interval | None]:
     """Return mass and viscous friction of a plant: the mass with its interval, and None for an unknown friction."""
-    if isinstance(plant, FrictionClass):
+    if isinstance(plant, MachineWithFriction):
         mass, spread = plant.mass, SIGMAS * plant.mass_std
         return (mass - spread, mass + spread), None
     if isinstance(plant, FrictionPlant):

@@ -109,7 +109,7 @@ def design_frf(
         and phase of its first lines. If their bound allows several values, the design must hold for each; otherwise its
         stability is not decided.
         else its stability is not decided.
-    prove : FrictionClass or (FrictionPlant, AnyFriction), optional
+    prove : MachineWithFriction or (FrictionPlant, MaxwellSlip), optional
         Class of friction with which the loop must be proved to come to rest: the gain is lowered until the proof holds,
         and all else is judged again there.
     n_iterations : int

@@ -26,10 +26,10 @@ from robust._base.states import Stability
 from robust._base.types import Controller
 from robust._base.warnings import DesignWarning
 from robust.analysis.performance import classical_margins
-from robust.friction.classes import AnyFriction
+from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
-from robust.friction.reading.assumed_class import FrictionClass, machines_of
+from robust.friction.reading.assumed_class import MachineWithFriction, machines_of
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
@@ -72,7 +72,7 @@ _LIMIT_TOLERANCE = 1e-3
 _PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 
 #: Subject of a proof: a class of friction with its machines, or one machine and a class.
-Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
+Proved: TypeAlias = MachineWithFriction | tuple[FrictionPlant, MaxwellSlip]
 
 
 #: Arguments of `design_frf` for one loop, by name.
@@ -278,7 +278,7 @@ def _best_proved(
 
 
 def largest_proved_gain(
-    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: MaxwellSlip, delay: float
 ) -> float:
     """Return the largest gain, at most one, with which each machine is proved to come to rest; zero if none is."""
 

@@ -27,10 +27,10 @@ import numpy as np
 
 from nlfrf._base.arguments import require_real
 from nlfrf._base.values import value
-from robust.friction.classes import AnyFriction
+from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
-from robust.friction.reading.assumed_class import FrictionClass, machines_of
+from robust.friction.reading.assumed_class import MachineWithFriction, machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
@@ -48,11 +48,11 @@ class FrictionLimit:
 
     Fields
     ------
-    machine : FrictionPlant or FrictionClass
+    machine : FrictionPlant or MachineWithFriction
         The machine without its friction, from `friction_plant`, in place of the plant of the design; or a class
         estimated from levels, which contains its machines and its friction.
-    friction : AnyFriction, optional
-        `any_maxwell_slip`; left out with a FrictionClass.
+    friction : MaxwellSlip, optional
+        Left out with a MachineWithFriction.
     margin : float
         Distance of the ratio below one. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01 were all proved.
 
@@ -67,14 +67,14 @@ class FrictionLimit:
 
     Examples
     --------
-    >>> from robust.friction import any_maxwell_slip
+    >>> from robust.friction import MaxwellSlip
     >>> from robust import friction_plant
-    >>> str(FrictionLimit(friction_plant(1.0, 80e3), any_maxwell_slip(64e3)))
+    >>> str(FrictionLimit(friction_plant(1.0, 80e3), MaxwellSlip(64e3)))
     'comes to rest with friction up to 64 kN/m'
     """
 
-    machine: FrictionPlant | FrictionClass
-    friction: AnyFriction | None = None
+    machine: FrictionPlant | MachineWithFriction
+    friction: MaxwellSlip | None = None
     margin: float = 0.01
 
     band: ClassVar[None] = None
@@ -92,7 +92,7 @@ class FrictionLimit:
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
         """Return the machines of the limit."""
-        return self.machine.machines if isinstance(self.machine, FrictionClass) else (self.machine,)
+        return self.machine.machines if isinstance(self.machine, MachineWithFriction) else (self.machine,)
 
     def weighting(self, dt: float) -> None:
         """Return None: the ratio is not the gain of a system."""
@@ -197,7 +197,7 @@ class FrictionChannel:
         assert self.limit.friction is not None
         friction, M = self.limit.friction, self.mobility(omega, H)
         best: tuple[float, Multipliers | None] = (-np.inf, None)
-        for rates in filter_rates(1.0, 1 / friction.bristle_time if friction.bristle_time else np.inf):
+        for rates in filter_rates(1.0, friction.bristle_time):
             mu, share = maxwell_slip_multipliers(
                 multiplier_terms(M, omega, rates=rates, K0=friction.K0, rho=friction.stiction)
             )

@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf
 from robust import friction_plant, prove_friction
-from robust.friction import any_bounded
+from robust.friction import Bounded
 from robust.friction.reading.force import LevelPeak, before_coupling, break_away, read_friction_force
 from robust.friction.reading.in_motion import identify_sliding
 
@@ -153,7 +153,7 @@ def test_the_bound_for_bristles_with_damping_is_the_integral_of_the_kernel():
     closed = control.feedback(control.ss(control.tf([1], [1, 0.4, 0])), control.ss(controller))
     t, h = control.impulse_response(closed, np.linspace(0, 20, 200001))
     for tau in (0.0, 0.01, 0.1, 0.3):
-        proof = prove_friction(plant, controller, any_bounded(2.0, tau))
+        proof = prove_friction(plant, controller, Bounded(2.0, tau))
         ends = (np.trapezoid(np.abs(h + end * np.gradient(h, t)), t) for end in (0.0, tau))
         assert proof.error_bound == pytest.approx(2 * max(ends), rel=2e-3)
         assert ("on bristles with a damping of up to" in proof.claim) == (tau > 0)
@@ -164,7 +164,7 @@ def test_no_bristles_of_a_sampled_loop_pass_the_bound(tau):
     """The worst s of a sampled loop, found through its impulse responses, comes near the bound and not above it."""
     T, mass, steps = 0.01, 1.0, 40
     plant, controller = friction_plant(mass, 0.0, 0.4), control.ss(control.tf([300.0, -270.0], [1.0, -0.4], T))
-    bound = prove_friction(plant, controller, any_bounded(1.0, tau)).error_bound
+    bound = prove_friction(plant, controller, Bounded(1.0, tau)).error_bound
     h, periods = T / steps, 400
     flow = np.array([[1.0, (1 - np.exp(-0.4 * h)) / 0.4], [0.0, np.exp(-0.4 * h)]])
     push = np.array([(h - flow[0, 1]) / 0.4, flow[0, 1]]) / mass

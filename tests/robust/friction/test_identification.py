@@ -235,9 +235,9 @@ def test_the_picture_has_every_level_measured_and_fitted(motor):
 
 
 def test_the_class_of_a_fit_holds_the_machine(motor):
-    found = robust.friction.friction_class(motor)
-    assert 2e6 < found.friction.K0 < 1.3 * 2e6
-    assert found.friction.stiction == 1.5
+    found = robust.friction.machine_with_friction(motor)
+    assert 2e6 < found.friction[0].K0 < 1.3 * 2e6
+    assert found.friction[0].stiction == 1.5
     assert found.machine.delay == pytest.approx(0.55e-3, rel=0.01)
     assert "given that no element slips below" in found.evidence
 
@@ -260,7 +260,7 @@ def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
     if kind is robust.friction.Gap.LOWEST_LEVEL_SLIPS:
         assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match="fit must leave neither machine nor K0 open, got: "):
-        robust.friction.friction_class(fit)
+        robust.friction.machine_with_friction(fit)
 
 
 def test_two_masses_are_no_one_mass():
@@ -277,7 +277,7 @@ def test_two_masses_are_no_one_mass():
     question = next(one for one in fit.questions if one.kind is robust.friction.Gap.OTHER_MACHINE)
     # in which of the wrong minima the search ends is left to the rounding of the machine
     assert re.search("more than 2 % beyond noise|needs a delay of .* longer than", question.description)
-    assert "take masses=2, or give friction_class the BLAs and a nominal" in question.description
+    assert "take masses=2, or give machine_with_friction the BLAs and a nominal" in question.description
 
 
 def test_friction_that_creeps_is_no_second_mass():
@@ -328,8 +328,8 @@ def test_lines_that_a_step_of_the_encoder_makes_are_left_out_around_the_antireso
 
 
 def test_friction_at_two_masses_makes_a_class_at_each(belt):
-    axis, found = nlfrf.servo_axis("belt"), robust.friction.friction_class(belt, stiction=1.3)
-    for one, law in zip(found.friction.ports, (axis.motor_friction, axis.load_friction), strict=True):
+    axis, found = nlfrf.servo_axis("belt"), robust.friction.machine_with_friction(belt, stiction=1.3)
+    for one, law in zip(found.friction, (axis.motor_friction, axis.load_friction), strict=True):
         assert law.stiffness.sum() < one.K0 < 1.3 * law.stiffness.sum()
         assert law.stiction < one.stiction < 1.1 * max(1.3, law.stiction)
     assert found.machine.n_ports == 2
@@ -479,7 +479,7 @@ def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
     assert np.isinf(fit.stds["mass"])
     assert re.search(r"m: +left open", str(fit))
     with pytest.raises(ValueError, match=sign):
-        robust.friction.friction_class(fit)
+        robust.friction.machine_with_friction(fit)
 
 
 @pytest.mark.parametrize("name", list(IN_MOTION))

@@ -36,13 +36,13 @@ def records():
 
 @pytest.fixture(scope="module")
 def found(records):
-    return robust.friction.friction_class(records)
+    return robust.friction.machine_with_friction(records)
 
 
 def test_the_class_of_records_holds_the_machine(found):
     """From below the spring of 80 kN/m to above all of 144 kN/m, and the mass."""
     assert 79e3 < found.stiffness_low < 80e3
-    assert 144e3 < found.stiffness_low + found.friction.K0 < 1.02 * (80e3 + 1.25 * 64e3)
+    assert 144e3 < found.stiffness_low + found.friction[0].K0 < 1.02 * (80e3 + 1.25 * 64e3)
     assert found.machine.B_port[1] == pytest.approx(1.0, abs=4.5 * found.mass_std)
     assert found.machine.delay == pytest.approx(0.0, abs=1e-5)
 
@@ -60,16 +60,16 @@ def test_a_margin_is_on_the_upper_end(records, found):
     """K0 = margin times the upper end, plus the reduction of k."""
     fit = identify_once(records)
     for margin in (1.0, 2.0):
-        K0 = robust.friction.friction_class(fit, margin=margin).friction.K0
+        K0 = robust.friction.machine_with_friction(fit, margin=margin).friction[0].K0
         assert pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low) == K0
     with pytest.raises(ValueError, match=r"margin must be at least 1, got 0\.9"):
-        robust.friction.friction_class(fit, margin=0.9)
+        robust.friction.machine_with_friction(fit, margin=0.9)
 
 
 def test_an_axis_that_turns_is_read_in_its_own_units(records):
     turned = [replace(record, **ROTARY) for record in records]
-    read = robust.friction.friction_class(turned)
-    assert (read.machine.position_unit, read.friction.position_unit) == ("rad", "rad")
+    read = robust.friction.machine_with_friction(turned)
+    assert (read.machine.position_unit, read.friction[0].position_unit) == ("rad", "rad")
     proof = robust.prove_friction(read.machine, pid(20e3, 3e5, 60.0), read.friction)
     for text in (read, proof):
         assert "kNm/rad" in unwrapped(text)
@@ -78,21 +78,21 @@ def test_an_axis_that_turns_is_read_in_its_own_units(records):
 
 def test_levels_of_one_axis_have_one_unit(records):
     with pytest.raises(ValueError, match="records must be of one axis, got positions in m and in rad"):
-        robust.friction.friction_class([records[0], records[1], replace(records[2], **ROTARY)])
+        robust.friction.machine_with_friction([records[0], records[1], replace(records[2], **ROTARY)])
 
 
 def test_what_makes_no_class_is_refused(records):
     blas = [nlfrf.identify(record) for record in records]
     with pytest.raises(ValueError, match="blas must be BLAs alone or Records alone, got 2 and 1: a BLA has lost"):
-        robust.friction.friction_class([*blas[:2], records[2]])
+        robust.friction.machine_with_friction([*blas[:2], records[2]])
     with pytest.raises(ValueError, match="nominal must be left out with Records, which are read as one mass"):
-        robust.friction.friction_class(records, nominal=control.tf([1], [1, 2, 8e4]))
+        robust.friction.machine_with_friction(records, nominal=control.tf([1], [1, 2, 8e4]))
     with pytest.raises(ValueError, match="free must be left out with BLAs"):
-        robust.friction.friction_class(blas, free=True)
+        robust.friction.machine_with_friction(blas, free=True)
     with pytest.raises(ValueError, match="records must hold at least three levels"):
-        robust.friction.friction_class(records[:2])
+        robust.friction.machine_with_friction(records[:2])
     with pytest.raises(ValueError, match="blas must be BLAs with one input and output, or Records, in a list, got 1"):
-        robust.friction.friction_class(1.0)
+        robust.friction.machine_with_friction(1.0)
 
 
 def test_a_spring_that_a_free_axis_cannot_have_leaves_K0_open():
@@ -101,7 +101,7 @@ def test_a_spring_that_a_free_axis_cannot_have_leaves_K0_open():
     fit = robust.friction.identify_friction(stuck, free=True)
     assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match=r"1\.\d+e\+05 N/m never slip"):
-        robust.friction.friction_class(stuck, free=True)
+        robust.friction.machine_with_friction(stuck, free=True)
 
 
 def test_an_element_between_two_swings_is_no_spring_of_the_machine():
@@ -109,7 +109,7 @@ def test_an_element_between_two_swings_is_no_spring_of_the_machine():
     case = draw_case(160, seed=1)
     swings = records_of(case, 160, (0.04, 0.12, 0.6))
     with pytest.raises(ValueError, match=r"the highest level still sticks: .* of Fs breaks away beyond 0\.2 of that"):
-        robust.friction.friction_class(swings)
+        robust.friction.machine_with_friction(swings)
 
 
 def test_records_in_motion_among_those_at_rest_are_refused():
@@ -119,7 +119,7 @@ def test_records_in_motion_among_those_at_rest_are_refused():
     still = [nlfrf.rig.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played[:2]]
     moving = nlfrf.rig.simulate_servo(axis, played[2], base_velocity=0.1, n_periods=3, n_discard=1)
     with pytest.raises(ValueError, match=r"fit must leave neither .* one mass with Maxwell slip leaves"):
-        robust.friction.friction_class([*still, moving], free=True)
+        robust.friction.machine_with_friction([*still, moving], free=True)
 
 
 @pytest.mark.attack

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, friction_plant, performance_weight, prove_friction, worst_case
-from robust.friction import any_maxwell_slip
+from robust.friction import MaxwellSlip
 from robust.reports import write_report
 from robust.reports.parts import describe_roots
 
@@ -106,7 +106,7 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     )
     K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
     report = check(stuck, K)
-    proof = prove_friction(friction_plant(rig), K, any_maxwell_slip(64e3), Fs=1.0)
+    proof = prove_friction(friction_plant(rig), K, MaxwellSlip(64e3), Fs=1.0)
     assert (report.verdict, proof.verdict) == ("robust", "refuted")
     write_report(tmp_path / "r.html", stuck, K, report=report, friction=proof)
     text = plain(tmp_path / "r.html")

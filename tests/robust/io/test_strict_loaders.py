@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import robust
 from nlfrf._base.files import parse_json
 from robust import check, prove_friction
-from robust.friction import any_maxwell_slip
+from robust.friction import MaxwellSlip
 from robust.friction.exact.claim import FrictionClaim
 from robust.io import verify_certificate
 from robust.proofs.exact.channel_files import ChannelsClaim
@@ -70,7 +70,7 @@ def written(tmp_path_factory):
     add(partial(read_claim, kind=LoopClaim), check(make_model(), SAMPLED))
     add(partial(read_claim, kind=ChannelsClaim), check(MATRICES["elements"], 0.1 * np.eye(2)))
     kp, ki, kd, _ = ORACLES["P1"][0]
-    proof = prove_friction(RIG, pid(kp, ki, kd), any_maxwell_slip(64e3, 1.05))
+    proof = prove_friction(RIG, pid(kp, ki, kd), MaxwellSlip(64e3, 1.05))
     add(partial(read_claim, kind=FrictionClaim), proof)
     return made
 

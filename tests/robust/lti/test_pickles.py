@@ -88,11 +88,11 @@ def values_of_robust():
     yield from (robust.analysis.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
-    machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.any_maxwell_slip(64e3)
+    machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.MaxwellSlip(64e3)
     known = {"mass": 1.0, "mass_std": 0.01, "stiffness_low": 79e3, "stiffness_std": 100.0, "evidence": "three levels"}
     yield from (
         robust.prove_friction(machine, PD, slip),
-        robust.friction.FrictionClass(machines=(machine,), friction=slip, **known),
+        robust.friction.MachineWithFriction(machines=(machine,), friction=slip, **known),
     )
     yield robust.prove_friction(machine, 1e3, slip, Fs=1.0, saturation=20.0)
     yield robust.synthesis.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))

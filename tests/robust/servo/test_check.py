@@ -184,7 +184,7 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     settings = load_gains(folder / "gains.toml")
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
     true = robust.prove_friction(
-        plant, cascade(settings, output_unit="N"), robust.friction.any_bounded(26.0), delay=settings.delay
+        plant, cascade(settings, output_unit="N"), robust.friction.Bounded(26.0), delay=settings.delay
     )
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
     assert re.search(r"Stays within \S+ m of rest in the end with every friction of at most 26 N", page)
@@ -286,7 +286,7 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
     assert np.isnan(bound(fitted, None))
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
     proof = robust.prove_friction(
-        plant, cascade(settings, output_unit="N"), robust.friction.any_bounded(26.0), delay=settings.delay
+        plant, cascade(settings, output_unit="N"), robust.friction.Bounded(26.0), delay=settings.delay
     )
     assert bound(fitted, force) == pytest.approx(proof.error_bound, rel=1e-9)
     assert bound(control.ss(rigid), None) == pytest.approx(proof.error_bound, rel=1e-5)  # in other states
@@ -631,7 +631,7 @@ def test_a_proof_holds_with_the_added_delay_and_no_sixteenth_of_a_period_more(fo
     """The loop at the ends is proved with what the page names, and one of them is not with the next step."""
     settings = load_gains(folder / "gains.toml")
     plants = [robust.friction_plant(mass, 0.0) for mass in (11.9, 12.1)]
-    K, friction = cascade(settings, output_unit="N"), robust.friction.any_maxwell_slip(2.5e6)
+    K, friction = cascade(settings, output_unit="N"), robust.friction.MaxwellSlip(2.5e6)
     added = largest_added_delay(plants, K, friction, delay=settings.delay, period=settings.dt)
     late = [settings.delay + added, settings.delay + added + settings.dt / 16]
     held = [[robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants] for delay in late]
@@ -775,7 +775,7 @@ def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_do
     )
     settings = load_gains(folder / "gains.toml")
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
-    K, any_friction = cascade(settings, output_unit="N"), robust.friction.any_bounded(26.0)
+    K, any_friction = cascade(settings, output_unit="N"), robust.friction.Bounded(26.0)
     true = robust.prove_friction(plant, K, any_friction, delay=settings.delay)
     assert (code, "the linear loop with its uncertainty is not certified" in one_line(page)) == (1, True)
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)

@@ -6,12 +6,12 @@ import pytest
 
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction
-from robust.friction import any_maxwell_slip
+from robust.friction import MaxwellSlip
 from robust.servo import cascade, friction_cures
 
 SETTINGS = Drive(fs=1000, kv=31, kp=1.26, kp_unit="Nm/(rad/s)", tn=0.04)
 MACHINE = friction_plant(0.01, 0.0, position_unit="rad")
-SLIP = any_maxwell_slip(1e3, 3.0, position_unit="rad")
+SLIP = MaxwellSlip(1e3, 3.0, position_unit="rad")
 
 
 @pytest.mark.attack
@@ -51,4 +51,4 @@ def test_what_is_no_force_is_refused():
     with pytest.raises(ValueError, match="Fs must be positive, got -1"):
         friction_cures(MACHINE, SETTINGS, SLIP, Fs=-1.0)
     with pytest.raises(ValueError, match="friction must be in the units of the machine, rad, got m"):
-        friction_cures(MACHINE, SETTINGS, any_maxwell_slip(1e3), Fs=0.1)
+        friction_cures(MACHINE, SETTINGS, MaxwellSlip(1e3), Fs=0.1)

@@ -71,7 +71,7 @@ def test_what_friction_leaves_for_a_verdict():
     plant, K = robust.friction_plant(10.0, 0.0), cascade(DRIVE, output_unit="N")
     whole, left = (
         robust.prove_friction(plant, K, friction, delay=DRIVE.delay)
-        for friction in map(robust.friction.any_bounded, (22.0, found.relative_error * 22.0))
+        for friction in map(robust.friction.Bounded, (22.0, found.relative_error * 22.0))
     )
     assert left.error_bound == pytest.approx(whole.error_bound / 11)
 
@@ -107,9 +107,9 @@ def test_a_plant_is_read():
 
 def test_a_class_of_friction_gives_the_mass_with_its_interval():
     known = robust.friction_plant(12.0, 0.0)
-    friction = robust.friction.FrictionClass(
+    friction = robust.friction.MachineWithFriction(
         machines=(known,),
-        friction=robust.friction.any_maxwell_slip(1e6),
+        friction=robust.friction.MaxwellSlip(1e6),
         evidence="",
         mass=12.0,
         mass_std=0.1,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robust import friction_plant, prove_friction, save
-from robust.friction import any_bristle, any_maxwell_slip
+from robust.friction import Bristle, MaxwellSlip
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
@@ -17,7 +17,7 @@ from robust.proofs.exact.claim_files import from_plain, to_plain
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
-SLIP = any_maxwell_slip(64e3, 1.05)
+SLIP = MaxwellSlip(64e3, 1.05)
 (KP, KI, KD, _), _, _ = ORACLES["P1"]
 
 
@@ -50,7 +50,7 @@ def test_what_is_proved_is_verified(proof):
     ("K", "friction", "delay"),
     [
         (pid(40e3, 1e6, 120.0), SLIP, T),
-        (pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0), 0.3e-3),
+        (pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0), 0.3e-3),
         (control.ss(control.tf([60.0, 20e3, 3e5], [1e-5, 1, 0])), SLIP, 0.0),
     ],
 )
@@ -72,7 +72,10 @@ def test_delays_bristles_and_continuous_controllers(K, friction, delay):
     ],
 )
 def test_a_stronger_claim_than_was_proved_fails(proof, changes, failed):
-    found = verify_friction(replace(proof.certificate.claim, **changes))
+    claim = proof.certificate.claim
+    ports = tuple(replace(port, **{k: v for k, v in changes.items() if hasattr(port, k)}) for port in claim.ports)
+    others = {name: value for name, value in changes.items() if hasattr(claim, name)}
+    found = verify_friction(replace(claim, ports=ports, **others))
     assert not found.verified
     assert failed in unwrapped(found.failed)
 
@@ -86,10 +89,11 @@ def test_an_energy_that_is_not_one_fails(proof):
 
 
 def test_a_block_that_is_negative_somewhere_fails():
-    claim = prove_friction(RIG, pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0)).certificate.claim
+    claim = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0)).certificate.claim
     assert verify_friction(claim).verified
-    block = claim.block - np.diag([1.0, 0.0, 0.0])
-    assert "negative somewhere" in unwrapped(verify_friction(replace(claim, block=block)).failed)
+    (port,) = claim.ports
+    wrong = replace(port, block=port.block - np.diag([1.0, 0.0, 0.0]))
+    assert "negative somewhere" in unwrapped(verify_friction(replace(claim, ports=(wrong,))).failed)
 
 
 def test_files(proof, tmp_path):
@@ -103,7 +107,7 @@ def test_files(proof, tmp_path):
     with pytest.raises(ValueError, match="whose digest does not fit"):
         verify_certificate(path)
     with pytest.raises(ValueError, match="report must contain a proof"):
-        save(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
+        save(prove_friction(RIG, pid(KP, KI, KD), MaxwellSlip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
         from_plain(FrictionClaim, {"K0": 1.0})
 

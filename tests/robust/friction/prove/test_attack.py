@@ -11,7 +11,7 @@ LOOPS = [(pid(Kp, Ki, Kd), delay) for (Kp, Ki, Kd, delay), _, _ in ORACLES.value
 
 
 def test_nothing_that_is_proved_keeps_moving():
-    proofs, _ = verdicts(LOOPS, robust.friction.any_maxwell_slip(64e3, 1.05))
+    proofs, _ = verdicts(LOOPS, robust.friction.MaxwellSlip(64e3, 1.05))
     assert [proof.verdict for proof in proofs] == ["proved"] * 4
     quick = [loop for loop in LOOPS if samples_needed(*loop) < 6000]
     assert len(quick) >= 3
@@ -34,7 +34,7 @@ def test_a_spring_that_refutes_oscillates():
 def test_no_bristle_keeps_a_proved_loop_moving():
     """LuGre, the friction of the paper and Leuven laws of every curve."""
     PD = pd(20e3, 60.0)
-    proofs, _ = verdicts([(PD, 0.0)], robust.friction.any_bristle(64e3, 1 / 0.7, 13.0))
+    proofs, _ = verdicts([(PD, 0.0)], robust.friction.Bristle(64e3, 1 / 0.7, 13.0))
     assert proofs[0].verdict == "proved"
     total, found = attacked([(PD, 0.0)], 16, 1 / 0.7, np.random.default_rng(5), bristles)
     assert total >= 8

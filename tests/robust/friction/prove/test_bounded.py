@@ -8,11 +8,11 @@ import pytest
 
 from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
 from robust import friction_plant, prove_friction
-from robust.friction import any_bounded, any_maxwell_slip
+from robust.friction import Bounded, MaxwellSlip
 from robust.friction.plant import friction_loop, steady_error_bound
 from tests.support.friction_loops import T
 
-BOUNDED = any_bounded(1.0)
+BOUNDED = Bounded(1.0)
 STILL = control.StateSpace([], [], [], [[0.0]], T)
 
 
@@ -40,7 +40,7 @@ def test_a_sure_kick_is_sure_and_little_more(swings):
     """Less than the least kick that no |f| <= 1 N stops, from the exact effect of a force on the unstable mode."""
     machine, k = fast_machine(swings, 0.05 if swings < 5 else 0.02)
     K = control.StateSpace([], [], [], [[-1.3 * k]], 0.01)
-    kick = prove_friction(machine, K, any_maxwell_slip(k), Fs=1.0).kick_sure
+    kick = prove_friction(machine, K, MaxwellSlip(k), Fs=1.0).kick_sure
     least = stopping_kick(machine, K, 4096)
     assert 0.9999 * least <= kick <= 1.01 * least
 
@@ -71,7 +71,7 @@ def test_what_takes_too_long_to_follow_is_not_decided():
 
 def test_a_pole_beside_one_is_told_from_it():
     machine = friction_plant(control.ss([[0, 1], [-1e4, 5e-4]], [[0], [1]], [[1, 0]], 0))
-    proof = prove_friction(machine, STILL, any_maxwell_slip(1e3))
+    proof = prove_friction(machine, STILL, MaxwellSlip(1e3))
     assert proof.verdict == "refuted"
     assert "|z| = 1.00000025" in proof.reason
 
@@ -83,12 +83,12 @@ def test_a_gain_is_no_machine():
 
 def test_a_machine_that_turns_speaks_of_rad_and_newton_metres():
     machine = friction_plant(0.01, 800.0, 0.4, position_unit="rad")
-    friction = any_maxwell_slip(640.0, position_unit="rad")
+    friction = MaxwellSlip(640.0, position_unit="rad")
     said = str(prove_friction(machine, 10.0, friction, Fs=0.1))
     assert "kNm/rad" in said
     assert "Nm s/rad" in said
     assert not re.search(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b", said)
     with pytest.raises(ValueError, match="friction must be in the units of the machine, rad, got m"):
-        prove_friction(machine, 10.0, any_maxwell_slip(640.0))
+        prove_friction(machine, 10.0, MaxwellSlip(640.0))
     with pytest.raises(ValueError, match='position_unit must be "m" or "rad", got \'deg\''):
-        any_bounded(1.0, position_unit="deg")
+        Bounded(1.0, position_unit="deg")

@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from robust import friction_plant, prove_friction
-from robust.friction import any_bristle
-from robust.friction.plant import friction_loop, loop_frequencies, mobility
-from robust.friction.proof.dissipation import bristle_dissipation
-from robust.friction.proof.multipliers import (
+from robust.friction import Bristle
+from robust.friction.classes.bristle import (
     BLOCK_ENTRIES,
+    bristle_dissipation,
     bristle_multipliers,
     bristle_terms,
     enlarge_block,
-    filter_rates,
 )
+from robust.friction.plant import friction_loop, loop_frequencies, mobility
+from robust.friction.proof.multipliers import filter_rates
 from robust.friction.proof.storage import (
     SLACKS,
     build_storage,
@@ -27,7 +27,7 @@ from robust.friction.proof.storage import (
 from tests.support.friction_loops import RIG, T, pd, pid
 
 NODES, GAUSS = np.polynomial.legendre.leggauss(12)
-RIG_FRICTION = any_bristle(64e3, 1 / 0.7, 13.0)
+RIG_FRICTION = Bristle(64e3, 1 / 0.7, 13.0)
 
 
 def pieces_of_lugre(k, Fc, Fs, a, rng, n=60):
@@ -103,7 +103,7 @@ def test_the_friction_of_the_paper_lies_only_here():
     )
     assert "creep" not in proof.not_claimed
     assert prove_friction(RIG, pid(20e3, 3e5, 60.0), RIG_FRICTION).verdict == "not decided"
-    refuted = prove_friction(RIG, pid(80e3, 1e5, 240.0), any_bristle(64e3, 1 / 0.7), delay=T)
+    refuted = prove_friction(RIG, pid(80e3, 1e5, 240.0), Bristle(64e3, 1 / 0.7), delay=T)
     assert refuted.verdict == "refuted"
     assert "a bristle of" in refuted.reason
 
@@ -112,20 +112,20 @@ def test_limits_of_a_bristle():
     """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
     machine = friction_plant(1.0, 80e3, 20.0)
     for stiction, verdict in ((1 / 0.7, "proved"), (1 + 20 / 13, "not decided")):
-        assert prove_friction(machine, 0.0, any_bristle(64e3, stiction, 13.0)).verdict == verdict
+        assert prove_friction(machine, 0.0, Bristle(64e3, stiction, 13.0)).verdict == verdict
 
 
 def test_energy_falls_along_a_motion_with_lugre():
     """The judged energy just before every sample, along the loop with LuGre integrated by another hand."""
     K0, rho, sigma = 64e3, 1 / 0.7, 13.0
     loop = friction_loop(RIG, pd(20e3, 60.0))
-    omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance)[0]
     table = bristle_terms(mobility(loop, omega), omega, rates=rates, K0=K0, microdamping=sigma)
-    weights = bristle_multipliers(table, rates, rho)
+    weights = bristle_multipliers(table, rates, Bristle(K0, rho, sigma))
     used = np.isin(rates, weights.rates)
     theta = [weights.free, *weights.weights, *(weights.block[i, j] for i, j in BLOCK_ENTRIES)]
     assert (np.linalg.eigvalsh(np.einsum("wcij,c->wij", table[:, np.r_[True, used, [True] * 6]], theta)) < 0).all()
-    form = bristle_dissipation(loop, weights, K0=K0, microdamping=sigma)
+    form = bristle_dissipation(loop, weights)
     judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
     storages = (
@@ -158,9 +158,9 @@ def test_energy_falls_along_a_motion_with_lugre():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: any_bristle(0.0), "K0 must be positive, got 0"),
-        (lambda: any_bristle(1.0, 0.9), "stiction must be at least 1"),
-        (lambda: any_bristle(1.0, 1.5, -1.0), "microdamping must be zero or positive, got -1"),
+        (lambda: Bristle(0.0), "K0 must be positive, got 0"),
+        (lambda: Bristle(1.0, 0.9), "stiction must be at least 1"),
+        (lambda: Bristle(1.0, 1.5, -1.0), "microdamping must be zero or positive, got -1"),
     ],
 )
 def test_refusals(call, message):

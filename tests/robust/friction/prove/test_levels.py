@@ -48,12 +48,12 @@ def fits_of(blas, nominal=None):
 
 def test_closed_form_levels_are_read():
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1), level(110e3, 0.7, 60.0)]
-    found = robust.friction.friction_class(blas)
+    found = robust.friction.machine_with_friction(blas)
     fits = fits_of(blas)
     assert [fit.mass for fit in fits] == pytest.approx([1.0] * 4, rel=1e-2)
     assert [fit.stiffness for fit in fits] == pytest.approx([80e3, 110e3, 142e3, 144e3], rel=1e-2)
     assert 0.7 * 80e3 < found.stiffness_low < 80e3
-    assert 144e3 + 0.25 * 64e3 < found.stiffness_low + found.friction.K0 < 144e3 + 0.35 * 64e3
+    assert 144e3 + 0.25 * 64e3 < found.stiffness_low + found.friction[0].K0 < 144e3 + 0.35 * 64e3
     assert abs(fits[0].mass - 1) < 5 * found.mass_std + 1e-3
     assert found.mass == pytest.approx(1.0, abs=5 * found.mass_std + 1e-3)
     assert all(fit.misfit < 1.5 for fit in fits)
@@ -99,7 +99,7 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
 )
 def test_levels_that_do_not_reach_are_refused(levels, message):
     with pytest.raises(ValueError, match=message):
-        robust.friction.friction_class(levels())
+        robust.friction.machine_with_friction(levels())
 
 
 @pytest.mark.parametrize("tau", [1e-4, 5e-4, 2e-3])
@@ -108,9 +108,9 @@ def test_a_delay_is_refused_without_a_nominal_and_kept_with_one(tau):
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
     late = [bla.times(np.exp(-1j * bla.omega * tau)) for bla in blas]
     with pytest.raises(ValueError, match=rf"no other delay than one mass, got {1e3 * tau:.2g}\d* \+- .* ms more"):
-        robust.friction.friction_class(late)
+        robust.friction.machine_with_friction(late)
     nominal = robust.fit_nominal(late[-1], n_poles=2, n_zeros=0, delay="estimate")
-    found = robust.friction.friction_class(late, nominal=nominal)
+    found = robust.friction.machine_with_friction(late, nominal=nominal)
     assert [machine.delay for machine in found.machines] == pytest.approx([tau, tau], rel=2e-2)
     assert f"{1e3 * found.machine.delay:.4g} ms of delay" in unwrapped(found)
     loop, K = robust.prove_friction(found.machine, pid(20e3, 3e5, 60.0), found.friction), pid(20e3, 3e5, 60.0)
@@ -118,7 +118,7 @@ def test_a_delay_is_refused_without_a_nominal_and_kept_with_one(tau):
     assert loop.verdict == robust.prove_friction(same, K, found.friction, delay=found.machine.delay).verdict
     dropped = control.tf([1], [1, 2.0, 80e3])
     with pytest.raises(ValueError, match="no other delay than the nominal"):
-        robust.friction.friction_class(late, nominal=dropped)
+        robust.friction.machine_with_friction(late, nominal=dropped)
 
 
 def test_a_hold_is_no_delay():
@@ -126,8 +126,8 @@ def test_a_hold_is_no_delay():
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
     w = blas[0].omega / 1000
     held = [replace(bla.times((1 - np.exp(-1j * w)) / (1j * w)), hold="zoh") for bla in blas]
-    one, other = robust.friction.friction_class(blas), robust.friction.friction_class(held)
-    assert pytest.approx(other.friction.K0, rel=1e-3) == one.friction.K0
+    one, other = robust.friction.machine_with_friction(blas), robust.friction.machine_with_friction(held)
+    assert pytest.approx(other.friction[0].K0, rel=1e-3) == one.friction[0].K0
     assert one.mass == pytest.approx(other.mass, rel=1e-3)
 
 
@@ -138,7 +138,7 @@ def test_a_second_mode_is_a_misfit_with_its_number(coupling, load):
 
     blas = [made(G(80e3), 3.0), made(G(142e3), 0.2), made(G(144e3), 0.05)]
     with pytest.raises(ValueError, match=r"misses this model by [\d.e+]+ times the variance of its lines \(1\.[3-9]"):
-        robust.friction.friction_class(blas)
+        robust.friction.machine_with_friction(blas)
 
 
 @pytest.mark.parametrize(("n", "most"), [(80, 1), pytest.param(300, 3, marks=pytest.mark.attack)])
@@ -175,19 +175,19 @@ def measured_levels():
 
 def test_the_rig_is_read_from_three_levels(measured_levels):
     """The machine is in the class: mass to 1 %, and springs from below its own to above its own and its friction's."""
-    found = robust.friction.friction_class(measured_levels)
+    found = robust.friction.machine_with_friction(measured_levels)
     fits = fits_of(measured_levels)
     assert [fit.mass for fit in fits] == pytest.approx([1.0] * 3, rel=0.02)
     assert found.machine.B_port[1] == pytest.approx(1.0, rel=0.01)
     assert fits[0].stiffness == pytest.approx(80e3, rel=0.05)
     assert 70e3 < found.stiffness_low < 80e3
-    assert 144e3 < found.stiffness_low + found.friction.K0 < 1.25 * 144e3
+    assert 144e3 < found.stiffness_low + found.friction[0].K0 < 1.25 * 144e3
 
 
 def test_what_is_proved_from_levels_is_true(measured_levels):
     """Most of what the truth lets be proved, and nothing that it refutes."""
-    found, rng = robust.friction.friction_class(measured_levels), np.random.default_rng(3)
-    truth = robust.friction.any_maxwell_slip(64e3, 1.5)
+    found, rng = robust.friction.machine_with_friction(measured_levels), np.random.default_rng(3)
+    truth = robust.friction.MaxwellSlip(64e3, 1.5)
     counts = {}
     for _ in range(24):
         K = pid(rng.uniform(-20e3, 60e3), 10 ** rng.uniform(4.5, 6.5), rng.uniform(10, 200))
@@ -261,21 +261,21 @@ def flexible_levels():
 def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
     for level_of_nominal, stuck in ((0, 0.0), (2, 60e3)):
         nominal = robust.fit_nominal(flexible_levels[level_of_nominal], n_poles=4, n_zeros=2)
-        found = robust.friction.friction_class(flexible_levels[::-1], nominal=nominal)
+        found = robust.friction.machine_with_friction(flexible_levels[::-1], nominal=nominal)
         assert found.mass == pytest.approx(1.0, rel=5e-3)  # what the motor feels beyond every resonance
         stiffness = np.array([fit.stiffness for fit in fits_of(flexible_levels[::-1], nominal)])
         assert stiffness + stuck == pytest.approx([0.0, 52e3, 60e3], rel=5e-3, abs=200)
         assert -20e3 < found.stiffness_low + stuck < 0
-        assert 60e3 < found.stiffness_low + stuck + found.friction.K0 < 1.35 * 60e3
+        assert 60e3 < found.stiffness_low + stuck + found.friction[0].K0 < 1.35 * 60e3
         assert "modal damping" in unwrapped(found)
         still, damped = found.machines
         assert np.abs(np.linalg.eigvals(still.A).real).max() < 1e-6
         assert np.linalg.eigvals(damped.A).real.max() < -0.1
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match=r"so low that the stiffness no longer rises: it is 40.* and 60"):
-        robust.friction.friction_class([flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal)
+        robust.friction.machine_with_friction([flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal)
     with pytest.raises(ValueError, match="blas must span from sticking to sliding"):
-        robust.friction.friction_class([flexible_levels[0]] * 3, nominal=nominal)
+        robust.friction.machine_with_friction([flexible_levels[0]] * 3, nominal=nominal)
 
 
 def stiffer(k):
@@ -286,7 +286,7 @@ def stiffer(k):
 def test_a_flexible_machine_is_proved_with_each_damping_and_comes_to_rest(flexible_levels):
     """The proof of a fit speaks of the machine behind it: random members of the class around the true one settle."""
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
-    found = robust.friction.friction_class(flexible_levels, nominal=nominal)
+    found = robust.friction.machine_with_friction(flexible_levels, nominal=nominal)
     clock = 2.5e-4
     K = control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[3e5 * clock, -60 / clock]], [[20e3 + 60 / clock]], clock)
     proofs = [robust.prove_friction(machine, K, found.friction) for machine in found.machines]
@@ -317,7 +317,7 @@ def test_levels_in_units_with_a_prefix_are_refused(unit):
     y_unit, u_unit = unit.split("/")
     blas = [replace(level(80e3, force), output_units=(y_unit,), input_units=(u_unit,)) for force in (0.1, 0.3, 3.0)]
     with pytest.raises(ValueError, match=r"blas must be in m/N .* got"):
-        robust.friction.friction_class(blas)
+        robust.friction.machine_with_friction(blas)
 
 
 def test_levels_in_si_units_are_no_reason_to_refuse():
@@ -336,23 +336,25 @@ def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels)
     """The same numbers as in m and N, in kg m^2 and kNm/rad, refusals included."""
     straight = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
     read, turned = (
-        robust.friction.friction_class(straight),
-        robust.friction.friction_class(list(map(turning, straight))),
+        robust.friction.machine_with_friction(straight),
+        robust.friction.machine_with_friction(list(map(turning, straight))),
     )
-    assert (turned.friction.K0, turned.friction.position_unit) == (read.friction.K0, "rad")
+    assert (turned.friction[0].K0, turned.friction[0].position_unit) == (read.friction[0].K0, "rad")
     assert "kNm/rad" in str(turned)
     assert not IN_METRES.search(unwrapped(turned))
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
-    around = robust.friction.friction_class(list(map(turning, flexible_levels)), nominal=nominal)
-    assert {machine.position_unit for machine in around.machines} == {around.friction.position_unit} == {"rad"}
+    around = robust.friction.machine_with_friction(list(map(turning, flexible_levels)), nominal=nominal)
+    assert {machine.position_unit for machine in around.machines} == {around.friction[0].position_unit} == {"rad"}
     with pytest.raises(ValueError, match=r"it is 110 and 144 kNm/rad at the two lowest levels"):
-        robust.friction.friction_class([turning(level(k, f)) for k, f in ((80e3, 2.0), (110e3, 0.2), (144e3, 0.1))])
+        robust.friction.machine_with_friction(
+            [turning(level(k, f)) for k, f in ((80e3, 2.0), (110e3, 0.2), (144e3, 0.1))]
+        )
     with pytest.raises(ValueError, match=r"a mass of -1 kg m\^2: the output falls"):
-        robust.friction.friction_class(
+        robust.friction.machine_with_friction(
             [turning(level(-k, f, m=-1)) for k, f in ((80e3, 2.0), (143e3, 0.1), (144e3, 0.03))]
         )
     with pytest.raises(ValueError, match="blas must be of one axis, got positions in m and in rad"):
-        robust.friction.friction_class(
+        robust.friction.machine_with_friction(
             [turning(straight[0]), *(replace(bla, output_units=("m",)) for bla in straight[1:])]
         )
 

@@ -6,7 +6,7 @@ import pytest
 
 from nlfrf.friction import Leuven, LuGre
 from robust import friction_plant, prove_friction
-from robust.friction import any_bounded, any_bristle, any_maxwell_slip, any_passive
+from robust.friction import Bounded, Bristle, MaxwellSlip, Passive
 from robust.friction.plant import (
     destabilizing_stiffness,
     divergence_velocity,
@@ -54,10 +54,10 @@ def test_a_continuous_pid_on_a_free_mass_is_proved_with_stiff_friction(K0, lag):
     """O1 with a derivative that is proper: K_p K_d > m K_i, any K0 in the limit; taken as 1.001, rho = 1 stopped it."""
     s = control.tf("s")
     K = 200 + 400 / s + 20 * s / (1 + lag * s)
-    proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(K0, 1.0))
+    proof = prove_friction(friction_plant(1.0, 0.0), K, MaxwellSlip(K0, 1.0))
     assert proof.verdict == "proved"
     assert proof.certificate.verify().verified
-    unstable = prove_friction(friction_plant(1.0, 0.0), K + 4000 / s, any_maxwell_slip(K0, 1.0))
+    unstable = prove_friction(friction_plant(1.0, 0.0), K + 4000 / s, MaxwellSlip(K0, 1.0))
     assert unstable.verdict == "refuted"
 
 
@@ -65,7 +65,7 @@ def test_a_continuous_pid_on_a_free_mass_is_proved_with_stiff_friction(K0, lag):
 def test_largest_presliding_stiffness_of_the_weights(name):
     loop = oracle_loop(name)
     _, expected, spring = ORACLES[name]
-    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    rates = filter_rates(1.5 * RIG.resonance)[0]
     omega = loop_frequencies(loop)
     response = mobility(loop, omega)
     for rho, K0 in zip((1.05, 1 / 0.7, 2.0), expected, strict=True):
@@ -80,7 +80,7 @@ def test_largest_presliding_stiffness_of_the_weights(name):
 def test_certificates_reach_near_the_weights(name):
     (Kp, Ki, Kd, delay), (weights_reach, *_), _ = ORACLES[name]
     for share in (0.4, 1.05):
-        proof = prove_friction(RIG, pid(Kp, Ki, Kd), any_maxwell_slip(share * weights_reach, 1.05), delay=delay)
+        proof = prove_friction(RIG, pid(Kp, Ki, Kd), MaxwellSlip(share * weights_reach, 1.05), delay=delay)
         assert (proof.verdict == "proved") is (share < 1)
 
 
@@ -98,7 +98,7 @@ def test_hunting_bound():
 @pytest.mark.parametrize(("Ki", "pole", "kick"), [(4e5, 1.0022150, 0.2878), (2e6, 1.0120964, 0.0530)])
 def test_sure_run_away(Ki, pole, kick):
     K = control.StateSpace([[1]], [[1]], [[Ki * T]], [[0]], T)
-    proof = prove_friction(RIG, K, any_bounded(1.0))
+    proof = prove_friction(RIG, K, Bounded(1.0))
     assert proof.verdict == "refuted"
     assert abs(proof.counterexample[1]) == pytest.approx(pole, abs=1e-7)
     assert proof.kick_sure == pytest.approx(kick, rel=2e-3)
@@ -117,7 +117,7 @@ def test_virtual_wall(K, B, needed):
     """A spring K with a damper B by backward difference: c > K T/2 + |B| (Colgate & Schenkel 1997)."""
     wall = control.StateSpace([[0.0]], [[1.0]], [[-B / T]], [[K + B / T]], T)
     for c, proves in ((0.98 * needed, False), (1.02 * needed, True)):
-        proof = prove_friction(friction_plant(1.0, 80e3, c), wall, any_passive())
+        proof = prove_friction(friction_plant(1.0, 80e3, c), wall, Passive())
         assert (proof.verdict == "proved") is proves
 
 
@@ -125,8 +125,8 @@ def test_passive_friction_and_integral_action_never():
     PI = control.ss(control.tf([1e3, 1e4], [1, 0]))
     PD = control.ss(control.tf([10.0, 1e3], [1e-3, 1.0]))
     machine = friction_plant(1.0, 80e3, 0.4)
-    assert prove_friction(machine, PI, any_passive()).verdict == "not decided"
-    assert prove_friction(machine, PD, any_passive()).verdict == "proved"
+    assert prove_friction(machine, PI, Passive()).verdict == "not decided"
+    assert prove_friction(machine, PD, Passive()).verdict == "proved"
 
 
 def lugre_work(law, legs, cycles=100):
@@ -165,7 +165,7 @@ def test_the_rig_is_taken_for_no_passive_friction():
     """What the harness calls passive, the bristles' own class proves only above that viscous friction."""
     rig = Leuven()
     needed = rig.sigma1 * ((rig.Fs / rig.Fc) ** rig.n - 1)
-    creeping = any_bristle(64e3, rig.Fs / rig.Fc, rig.sigma1)
+    creeping = Bristle(64e3, rig.Fs / rig.Fc, rig.sigma1)
     verdicts = [
         prove_friction(friction_plant(1.0, 80e3, c), 0.0, creeping).verdict for c in (0.95 * needed, 1.05 * needed)
     ]

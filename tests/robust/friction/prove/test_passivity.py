@@ -11,11 +11,11 @@ from benchmarks.bench_friction_attack import (
     sampled_resonance,
 )
 from robust import friction_plant, prove_friction
-from robust.friction import any_bounded, any_passive
+from robust.friction import Bounded, Passive
 from robust.friction.plant import friction_loop
 from tests.support.friction_loops import RIG, T, pd
 
-PASSIVE = any_passive()
+PASSIVE = Passive()
 
 
 def needed(proof):
@@ -82,7 +82,7 @@ def test_a_model_in_other_coordinates_is_the_machine():
     assert "c = 10.2 Ns/m" in proof.reason
 
 
-@pytest.mark.parametrize("friction", [PASSIVE, any_bounded(1.0)])
+@pytest.mark.parametrize("friction", [PASSIVE, Bounded(1.0)])
 def test_a_hidden_integrator_that_the_position_drives_is_kept(friction):
     K = pd(100.0, 1.0)
     A = np.block([[K.A, np.zeros((1, 1))], [np.zeros((1, 1)), np.eye(1)]])

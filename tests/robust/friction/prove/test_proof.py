@@ -9,10 +9,9 @@ from scipy.integrate import quad
 
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
-from robust.friction import any_bounded, any_maxwell_slip
+from robust.friction import Bounded, MaxwellSlip
 from robust.friction.nominal import machines_of_nominal, undamped
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
-from robust.friction.proof.certify import certify_friction
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from robust.friction.proof.storage import (
@@ -26,7 +25,7 @@ from robust.servo import cascade
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
 from tests.support.printed import unwrapped
 
-SLIP = any_maxwell_slip(64e3, 1.05)
+SLIP = MaxwellSlip(64e3, 1.05)
 
 
 def closed_poles(K, delay):
@@ -54,7 +53,7 @@ def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
     """Filters that were placed by its pole -c/m found no proof of a loop that is proved without that friction."""
     drive = Drive(fs=4000, kv=100, kp=7550, kp_unit="N/(m/s)", tn=0.01)
     machine = friction_plant(12.0, 0.0, damping)
-    assert prove_friction(machine, cascade(drive), any_maxwell_slip(2.5e6), delay=0.5e-3).verdict == "proved"
+    assert prove_friction(machine, cascade(drive), MaxwellSlip(2.5e6), delay=0.5e-3).verdict == "proved"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])
@@ -101,7 +100,7 @@ def test_mobility_against_integration(delay):
 def stored_energy(loop, K0, rho):
     """A judged storage function, as V_tot of (state, filters, elastic force) just before a sample."""
     omega = loop_frequencies(loop)
-    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    rates = filter_rates(1.5 * RIG.resonance)[0]
     mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho))
     mu[mu < 1e-9 * mu.max()] = 0
     form = maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
@@ -157,7 +156,7 @@ def test_energy_falls_at_every_sample_with_one_element(name):
 def test_the_judge_refuses_what_is_not_so():
     loop = oracle_loop("P1")
     omega = loop_frequencies(loop)
-    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    rates = filter_rates(1.5 * RIG.resonance)[0]
     mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=64e3, rho=1.05))
     judged = in_balanced_coordinates(maxwell_slip_dissipation(loop, rates, mu=mu, K0=64e3, rho=1.05))
     passed = 0
@@ -181,12 +180,12 @@ def test_nothing_unstable_is_ever_certified():
         kappas = np.linspace(0, 64e3, 40)
         if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
             tried += 1
-            assert certify_friction(loop, SLIP, 1.5 * RIG.resonance).reason
+            assert SLIP.certify(loop, 1.5 * RIG.resonance).reason
 
 
 def test_a_refuting_spring_is_named_and_grows():
     K = pid(80e3, 1e5, 240.0)
-    assert prove_friction(RIG, K, any_maxwell_slip(1e3), delay=T).verdict == "proved"
+    assert prove_friction(RIG, K, MaxwellSlip(1e3), delay=T).verdict == "proved"
     proof = prove_friction(RIG, K, SLIP, delay=T)
     assert proof.verdict == "refuted"
     kappa, pole = proof.counterexample
@@ -221,7 +220,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
     def fails(*_args, **_options):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr("robust.friction.proof.certify.certify_friction", fails)
+    monkeypatch.setattr(MaxwellSlip, "certify", fails)
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
     assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
     assert proof.certificate is None
@@ -251,8 +250,8 @@ def test_friction_at_the_motor_of_two_masses():
     B, C = [[0, 0], [0, 0], [1, 1], [0, 0]], [[0, 1, 0, 0], [1, 0, 0, 0]]
     machine = friction_plant(control.StateSpace(A, B, C, 0), port=True)
     PD = control.StateSpace([[0.0]], [[1.0]], [[-20 / T]], [[2e3 + 20 / T]], T)
-    assert prove_friction(machine, PD, any_maxwell_slip(64e3, 1.2)).verdict == "proved"
-    assert prove_friction(machine, 30 * PD, any_maxwell_slip(64e3, 1.2)).verdict == "refuted"
+    assert prove_friction(machine, PD, MaxwellSlip(64e3, 1.2)).verdict == "proved"
+    assert prove_friction(machine, 30 * PD, MaxwellSlip(64e3, 1.2)).verdict == "refuted"
 
 
 def test_a_model_of_the_rig_is_the_rig():
@@ -279,13 +278,13 @@ def test_a_model_of_the_rig_is_the_rig():
         ),
         (lambda: friction_plant(load_with_port(-1.0), port=True), "accelerates in its own direction at the friction"),
         (lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
-        (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
-        (lambda: any_maxwell_slip(np.inf), "K0 must be"),
-        (lambda: any_maxwell_slip(np.nan), "K0 must be"),
-        (lambda: any_maxwell_slip(1.0, 0.9), "stiction must be at least 1"),
-        (lambda: any_maxwell_slip(1.0, np.inf), "stiction must be"),
+        (lambda: MaxwellSlip(0.0), "K0 must be positive, got 0"),
+        (lambda: MaxwellSlip(np.inf), "K0 must be"),
+        (lambda: MaxwellSlip(np.nan), "K0 must be"),
+        (lambda: MaxwellSlip(1.0, 0.9), "stiction must be at least 1"),
+        (lambda: MaxwellSlip(1.0, np.inf), "stiction must be"),
         (lambda: prove_friction(RIG, control.tf([1.0, 0.0], [1.0]), SLIP), "K must be"),
-        (lambda: any_bounded(-1.0), "Fs must be positive, got -1"),
+        (lambda: Bounded(-1.0), "Fs must be positive, got -1"),
         (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
         (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a friction_plant, got 3.0"),
         (lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3), "delay must be 0 s with a continuous controller"),
@@ -299,10 +298,8 @@ def test_refusals(call, message):
 
 def test_a_bounded_class_has_its_own_friction():
     with pytest.raises(ValueError, match=r"Fs must be that of the class, 1 N, or left out, got 5"):
-        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=5.0)
-    assert (
-        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, any_bounded(1.0)).verdict
-    )
+        prove_friction(RIG, 1e3, Bounded(1.0), Fs=5.0)
+    assert prove_friction(RIG, 1e3, Bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, Bounded(1.0)).verdict
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
@@ -311,7 +308,7 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     tau = 5e-4
     late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
     exact = friction_plant(1.0, 80e3, 4.0)
-    K, friction = pd(20e3, 60.0), any_maxwell_slip(64e3)
+    K, friction = pd(20e3, 60.0), MaxwellSlip(64e3)
     machines, _ = machines_of_nominal(late)
     for machine in (*machines, undamped(late), friction_plant(late)):
         assert machine.delay == pytest.approx(tau, rel=1e-6)

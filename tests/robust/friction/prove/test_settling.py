@@ -9,11 +9,11 @@ import pytest
 from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
 from robust import friction_plant, prove_friction, save
 from robust._base.states import FrictionVerdict
-from robust.friction import any_maxwell_slip
-from robust.friction.exact.claim import Settling
+from robust.friction import MaxwellSlip
+from robust.friction.exact.settling import Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
-from robust.friction.proof.certify import FrictionProof, settling_verdict
+from robust.friction.proof.protocol import FrictionProof, ProofTask
 from robust.friction.proof.settling import largest_rest
 from robust.io import verify_certificate
 
@@ -67,7 +67,7 @@ def test_it_is_below_the_bound_of_any_friction_and_scales_with_the_force(proof):
     assert f"Settles within {proof.settling_error:.3g} m of rest from every state" in str(proof)
     assert "of at most 20 N" in proof.claim
     assert "rest not decided: " in str(proof)
-    half = prove_friction(MACHINE, AXIS.K, any_maxwell_slip(2e6, 1.5), delay=T, Fs=FS / 2)
+    half = prove_friction(MACHINE, AXIS.K, MaxwellSlip(2e6, 1.5), delay=T, Fs=FS / 2)
     assert half.settling_error == pytest.approx(proof.settling_error / 2, rel=1e-6)
 
 
@@ -87,22 +87,23 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
     for changed, failed in (
         (replace(own, error=0.99 * own.error), "the energy allows more"),
         (replace(own, Fs=1.01 * own.Fs), "the energy allows more"),
-        (replace(own, decay=2 * claim.rates.max()), "a filter is slower than the decay"),
+        (replace(own, decay=2 * claim.ports[0].rates.max()), "a filter is slower than the decay"),
         (replace(own, decay=-1.0), "decay or Fs is not positive"),
     ):
         found = verify_friction(replace(claim, settling=changed))
         assert not found.verified
         assert failed in dict(found.failed).values()
-    assert not verify_friction(replace(claim, K0=3 * claim.K0)).verified
-    assert not verify_friction(replace(claim, free=1.0)).verified
+    (port,) = claim.ports
+    assert not verify_friction(replace(claim, ports=(replace(port, K0=3 * port.K0),))).verified
+    assert not verify_friction(replace(claim, ports=(replace(port, free=1.0),))).verified
     assert "it does not" in dict(verify_friction(replace(claim, P=1.5 * claim.P)).failed).values()
     with pytest.raises(ValueError, match="decay must be finite"):
-        replace(claim, settling=Settling(decay=np.nan, Fs=1.0, error=1.0))
+        replace(claim, settling=Settling(decay=np.nan, Fs=np.ones(1), error=1.0, rest_weights=np.ones(1)))
 
 
 @pytest.mark.attack
 def test_a_continuous_controller_and_a_part_of_a_sample():
-    friction = any_maxwell_slip(2e6, 2.0)
+    friction = MaxwellSlip(2e6, 2.0)
     late = prove_friction(MACHINE, AXIS.K, friction, delay=0.4 * T, Fs=FS)
     assert late.certificate.claim.counts.size == 2
     assert late.certificate.verify().verified
@@ -123,15 +124,15 @@ def test_without_integral_action_the_rest_is_in_the_bound():
         not_claimed="",
         reason="",
         machine=MACHINE,
-        friction=any_maxwell_slip(1e5, 2.0),
+        friction=(MaxwellSlip(1e5, 2.0),),
     )
-    found = settling_verdict(open_still, K, delay=0.0, loop=loop, forces=np.array([FS]))
+    found = open_still.friction[0].settle(open_still, ProofTask(MACHINE, K, 0.0, loop, np.array([FS])))
     assert found.settling_error > FS * 0.75 / 2e4
     assert found.certificate.verify().verified
 
 
 def test_a_class_without_the_theorem_has_the_bound_of_any_friction():
-    friction = any_maxwell_slip(2e6, 1.5, bristle_time=1e-4)
+    friction = MaxwellSlip(2e6, 1.5, bristle_time=1e-4)
     proof = prove_friction(MACHINE, AXIS.K, friction, delay=T, Fs=FS)
     assert proof.verdict == "settles"
     assert proof.settling_error == proof.error_bound

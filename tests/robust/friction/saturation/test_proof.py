@@ -10,14 +10,14 @@ import pytest
 import nlfrf
 from nlfrf.friction import Leuven, VaryingSliders
 from robust import prove_friction
-from robust.friction import any_bristle, any_maxwell_slip, any_passive
+from robust.friction import Bristle, MaxwellSlip, Passive
 from robust.friction.plant import friction_plant
 from robust.io import verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
 LIMIT, FS = 20.0, 1.0
-SLIP = any_maxwell_slip(64e3, 1.05)
+SLIP = MaxwellSlip(64e3, 1.05)
 
 
 def played(law, K, delay, kick, c=0.4, force=0.0):
@@ -126,17 +126,17 @@ def test_part_of_a_sample_late():
 
 
 def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
-    proof = prove_friction(RIG, pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT)
+    proof = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT)
     assert proof.kick == proof.kick_linear > 0
     assert proof.share == 0
-    assert "not tried for a bristle" in proof.reason
+    assert "not tried for this class" in proof.reason
     assert "rigid stiction" in proof.not_claimed
     force, swing = played(Leuven(), pd(20e3, 60.0), 0.0, proof.kick, c=0.0)
     assert force < LIMIT
     assert swing < 0.05
 
 
-@pytest.mark.parametrize("friction", [SLIP, any_bristle(64e3, 1.2)])
+@pytest.mark.parametrize("friction", [SLIP, Bristle(64e3, 1.2)])
 def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
     proof = prove_friction(friction_plant(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, saturation=LIMIT)
     assert (proof.verdict, proof.kick, proof.reason) == ("proved", np.inf, "")
@@ -176,7 +176,7 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
         (SLIP, {"saturation": -1.0}, "saturation must be positive"),
         (SLIP, {"Fs": 0.0}, "Fs must be positive"),
         (SLIP, {"Fs": None}, "saturation must be above Fs, the largest friction force, got 20 N and Fs = nan N"),
-        (any_passive(), {}, "friction must be any_maxwell_slip"),
+        (Passive(), {}, "saturation must be left out, there is no proof with it for passive friction"),
     ],
 )
 def test_refusals(friction, options, words):

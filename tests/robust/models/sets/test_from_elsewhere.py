@@ -85,4 +85,4 @@ def test_friction_needs_amplitudes_that_nobody_noted():
     with pytest.raises(
         ValueError, match=r"blas must contain the amplitude of the output, .*take BLAs that nlfrf.identify"
     ):
-        robust.friction.friction_class([nlfrf.bla_from_frf(F, G, std=std)] * 3)
+        robust.friction.machine_with_friction([nlfrf.bla_from_frf(F, G, std=std)] * 3)

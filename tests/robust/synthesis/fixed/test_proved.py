@@ -7,11 +7,11 @@ import pytest
 
 import robust
 from robust import design_frf, friction_plant, prove_friction
-from robust.friction import any_maxwell_slip, any_passive
+from robust.friction import MaxwellSlip, Passive
 from robust.synthesis.fixed import one_loop
 
 RIG = friction_plant(1.0, 80e3, 0.4)
-CLASS = any_maxwell_slip(64e3)
+CLASS = MaxwellSlip(64e3)
 
 
 def test_the_largest_proved_gain_is_bracketed(monkeypatch):
@@ -36,8 +36,8 @@ def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
     with pytest.raises(ValueError, match="prove must be a class for which some gain of the controller is proved"):
         design_frf(stuck, "I", prove=(undamped, CLASS), **asked)
     for given, message in (
-        ((1.0, CLASS), "machine must be a friction_plant, or a FrictionClass alone, got 1.0"),
-        ((RIG, any_passive()), "friction must be a class such as any_maxwell_slip"),
+        ((1.0, CLASS), "machine must be a friction_plant, or a MachineWithFriction alone, got 1.0"),
+        ((RIG, Passive()), "friction must be robust.friction.MaxwellSlip"),
     ):
         with pytest.raises(ValueError, match=message):
             design_frf(stuck, "PID", prove=given, **asked)

@@ -6,7 +6,7 @@ import pytest
 
 import robust
 from robust import friction_plant, tuning
-from robust.friction import any_bounded, any_maxwell_slip
+from robust.friction import Bounded, MaxwellSlip
 from robust.friction.plant import friction_loop, mobility
 from robust.lti.sampling import sampled
 from robust.synthesis.tuning.friction import FrictionChannel
@@ -48,7 +48,7 @@ def test_the_mobility_is_that_of_the_proof(machine, delay):
     G = control.ss(machine.A, machine.B_force[:, None], machine.C_measured[None], 0)
     G_d, z = sampled(G, T, delay), np.exp(1j * omega * T)
     channel = FrictionChannel(
-        limit=tuning.FrictionLimit(machine, any_maxwell_slip(64e3)),
+        limit=tuning.FrictionLimit(machine, MaxwellSlip(64e3)),
         index=0,
         machine=machine,
         place=(0, 0),
@@ -63,7 +63,7 @@ def test_the_mobility_is_that_of_the_proof(machine, delay):
 
 def test_slopes_of_the_limit():
     """At fixed frequencies, multipliers kept: against differences, 1e-7 of the largest."""
-    limit = tuning.FrictionLimit(RIG, any_maxwell_slip(64e3, 1.2))
+    limit = tuning.FrictionLimit(RIG, MaxwellSlip(64e3, 1.2))
     problem = problem_of({**pid_on_the_rig(limit), "blocks": pid_on_the_rig()["blocks"]})
     controller, x = problem.controller, problem.controller.start
     (scene,) = (scene for scene in problem.scenes if scene.has_friction)
@@ -85,7 +85,7 @@ def test_slopes_of_the_limit():
 @pytest.mark.attack
 def test_a_design_is_proved_with_the_limit_and_not_without():
     """Late by a sample, with stiction: the stiffest PID is not proved, the one that keeps the limit is."""
-    friction = any_maxwell_slip(64e3, 1.5)
+    friction = MaxwellSlip(64e3, 1.5)
     limit = tuning.FrictionLimit(RIG, friction)
     designs = [robust.tune(**pid_on_the_rig(*more), n_starts=1, rng=1) for more in ((), (limit,))]
     proofs = [robust.prove_friction(RIG, one.controller("y", "f"), friction, delay=1e-3) for one in designs]
@@ -100,7 +100,7 @@ def test_a_design_is_proved_with_the_limit_and_not_without():
 
 def test_a_cascade_on_a_servo_axis_is_proved():
     """Position P over velocity PI on a free mass, with stiction of a fifth."""
-    friction = any_maxwell_slip(1e5, 1.2)
+    friction = MaxwellSlip(1e5, 1.2)
     velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
     junctions = [on_clock(control.summing_junction(a, b)) for a, b in ((["r", "-y"], "e_x"), (["v_r", "-v"], "e_v"))]
     design = robust.tune(
@@ -128,16 +128,16 @@ def test_a_cascade_on_a_servo_axis_is_proved():
 @pytest.mark.parametrize(
     ("match", "call"),
     [
-        ("friction must be a class", lambda: tuning.FrictionLimit(RIG, any_bounded(1.0))),
-        ("margin must lie between 0 and 1", lambda: tuning.FrictionLimit(RIG, any_maxwell_slip(1e4), margin=1.0)),
+        ("friction must be robust.friction.MaxwellSlip", lambda: tuning.FrictionLimit(RIG, Bounded(1.0))),
+        ("margin must lie between 0 and 1", lambda: tuning.FrictionLimit(RIG, MaxwellSlip(1e4), margin=1.0)),
         (
             "soft must hold robust.tuning.Limit",
-            lambda: robust.tune(**pid_on_the_rig() | {"soft": [tuning.FrictionLimit(RIG, any_maxwell_slip(1e4))]}),
+            lambda: robust.tune(**pid_on_the_rig() | {"soft": [tuning.FrictionLimit(RIG, MaxwellSlip(1e4))]}),
         ),
         (
             "dt must be given for a friction limit with a delay",
             lambda: robust.tune(
-                **pid_on_the_rig(tuning.FrictionLimit(RIG, any_maxwell_slip(1e4)))
+                **pid_on_the_rig(tuning.FrictionLimit(RIG, MaxwellSlip(1e4)))
                 | {"system": [on_clock(ERROR, 0), on_clock(FORCE, 0)], "dt": 0.0}
             ),
         ),
@@ -147,7 +147,7 @@ def test_a_cascade_on_a_servo_axis_is_proved():
                 [],
                 tuning.Plants(control.ss([[-1.0]], [[1.0]], [[1.0], [1.0]], 0), inputs="u", outputs=["x", "y"]),
                 {"K": tuning.Gain(K=-1.0, reads="y", drives="u")},
-                hard=[tuning.FrictionLimit(RIG, any_maxwell_slip(1e4))],
+                hard=[tuning.FrictionLimit(RIG, MaxwellSlip(1e4))],
             ),
         ),
     ],

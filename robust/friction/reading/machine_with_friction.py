@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from robust._base.channels import is_single
-from robust.friction.reading.assumed_class import FrictionClass, assume_class
+from robust.friction.reading.assumed_class import MachineWithFriction, assume_class
 from robust.friction.reading.from_blas import read_blas
 from robust.friction.reading.from_fit import read_fit
 from robust.friction.reading.identification import FrictionFit, identify_friction
 
 
-def friction_class(
+def machine_with_friction(
     blas: Sequence[Bla] | Sequence[Record] | FrictionFit,
     *,
     nominal: object = None,
@@ -21,11 +21,11 @@ def friction_class(
     margin: float = 1.25,
     free: bool = False,
     masses: int = 1,
-) -> FrictionClass:
+) -> MachineWithFriction:
     """Return machine and friction class from three levels or more, as BLAs or records, for `prove_friction`.
 
     Use this if the friction law is unknown but the axis was measured at several levels of excitation. For a class whose
-    limits are known, use `any_maxwell_slip` directly.
+    limits are known, use `MaxwellSlip` directly.
 
     **Records** go through `identify_friction`, whose result may be given instead. The result has a delay, and the class
     uses the ends of 95 % intervals. The axis is one rigid mass in the band, or a motor and a load.
@@ -37,7 +37,7 @@ def friction_class(
 
     A flexible machine, or BLAs with a delay, need a `nominal`. Fit it at the lowest level, where the friction is a
     spring, or at the highest, where it has no stiffness. The difference of the levels from the nominal is the friction.
-    Proofs use the nominal without damping and with its damping (`FrictionClass.machines`).
+    Proofs use the nominal without damping and with its damping (`MachineWithFriction.machines`).
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def friction_class(
 
     Returns
     -------
-    FrictionClass
+    MachineWithFriction
 
     Raises
     ------
@@ -76,7 +76,7 @@ def friction_class(
 
     Examples
     --------
-    >>> friction_class([])
+    >>> machine_with_friction([])
     Traceback (most recent call last):
         ...
     ValueError: blas must hold at least three levels, from sticking to sliding, got 0
@@ -84,8 +84,8 @@ def friction_class(
     >>> axis, grid = nlfrf.servo_axis("linear motor"), dict(fs=4000, n_samples=4000, f_min=2, f_max=300)
     >>> played = [nlfrf.multisine("special-odd", rms=rms, rng=3, **grid) for rms in (1, 15, 60)]
     >>> records = [nlfrf.rig.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played]
-    >>> found = friction_class(records, free=True)                    # the axis has 2 N/um
-    >>> bool(2e6 < found.friction.K0 < 2.6e6)
+    >>> found = machine_with_friction(records, free=True)                    # the axis has 2 N/um
+    >>> bool(2e6 < found.friction[0].K0 < 2.6e6)
     True
     """
     if isinstance(blas, FrictionFit):

@@ -7,7 +7,9 @@ proved over the rationals, so no resonance is too narrow to be found.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust.friction.plant import FrictionLoop, FrictionPlant
+from robust.friction.proof.protocol import FrictionClass, FrictionProof, ProofTask
 from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.polynomials import (
@@ -58,10 +61,43 @@ class _Damping:
         return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 
-def passive_verdict(
-    machine: FrictionPlant, K: control.StateSpace, *, delay: float, loop: FrictionLoop
-) -> tuple[FrictionVerdict, str]:
-    """Return verdict and reason: "proved" if the loop is stable and leaves damping at the port at every frequency."""
+@value(kw_only=False)
+class Passive(FrictionClass):
+    """The class of every friction that never returns more energy than it received: int f v dt >= -E0.
+
+    Not all friction is passive: LuGre is passive only if sigma2 >= sigma1 (Fs - Fc)/Fc.
+
+    Fields
+    ------
+    position_unit : str
+        "m", or "rad" with Nm.
+
+    Raises
+    ------
+    ValueError
+        Another unit.
+
+    References
+    ----------
+    N. Barabanov, R. Ortega, IEEE Trans. Automatic Control 45, 2000 (when LuGre is passive).
+
+    Examples
+    --------
+    >>> Passive().description
+    'passive friction'
+    """
+
+    excluded: ClassVar[str] = "LuGre with less damping than sigma1 (Fs - Fc)/Fc, "
+    description: ClassVar[str] = "passive friction"
+
+    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
+        """Return "proved" if the loop is stable and leaves damping at the port at every frequency."""
+        verdict, reason = _decide_passivity(task)
+        return replace(undecided, verdict=verdict, reason=reason)
+
+
+def _decide_passivity(task: ProofTask) -> tuple[FrictionVerdict, str]:
+    machine, K, delay, loop, _ = task
     if loop.F.shape[0] > _MAX_STATES:
         return (
             FrictionVerdict.NOT_DECIDED,

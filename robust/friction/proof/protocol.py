@@ -1,0 +1,255 @@
+"""What a proof asks of a class of friction, and the proof.
+
+A class is a value with its limits, and its methods decide a loop. A new class is one more module of
+`robust.friction.classes`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import field
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from nlfrf._base.arguments import require_real
+from nlfrf._base.values import value
+from robust._base.states import FrictionVerdict
+from robust.friction.exact.claim import Actuator
+from robust.friction.exact.classes import PortClaim
+from robust.friction.plant import FrictionLoop, FrictionPlant
+from robust.friction.proof.ports import bound_of_ports
+from robust.friction.proof.storage import JudgedStorage
+from robust.friction.units import MechanicalUnits, format_length, mechanical_units
+from robust.pages.section import Fact
+from robust.pages.text import format_facts
+from robust.proofs.search.certificate import Certificate
+
+if TYPE_CHECKING:
+    import control
+
+
+class ProofTask(NamedTuple):
+    """A loop that is to be proved.
+
+    machine, K, delay : the linear part without its delay, the controller, the whole delay [s].
+    loop : the sliding loop of these.
+    forces : (P,) largest friction force at each port [N]; nan if unknown.
+    """
+
+    machine: FrictionPlant
+    K: control.StateSpace
+    delay: float
+    loop: FrictionLoop
+    forces: np.ndarray
+
+
+class FrictionCertificate(NamedTuple):
+    """The numbers that prove that the energy of a loop falls; or the last failure, in `reason`.
+
+    ports : the class at each port with the weights of its filters. A `FrictionClaim` needs them beside loop and energy.
+    actuator : for a proof with an actuator that saturates; `reason` is then why rest is not proved from every state.
+    """
+
+    reason: str
+    ports: tuple[PortClaim, ...] = ()
+    energy: JudgedStorage | None = None
+    actuator: Actuator | None = None
+
+    @property
+    def kick(self) -> float:
+        """Initial velocity [m/s] of a proof with an actuator: infinite for every state, minus infinite for no proof."""
+        if self.actuator is None:
+            return -np.inf
+        return self.actuator.kick if self.actuator.share < 1 else np.inf
+
+
+@value(kw_only=False)
+class FrictionClass(ABC):
+    """A class of friction laws: all laws within its limits. Friction is the force without its viscous part.
+
+    Fields
+    ------
+    position_unit : str
+        "m", or "rad" for a machine that turns: forces are then in Nm, and N/m stands for Nm/rad.
+    """
+
+    position_unit: str = field(default="m", kw_only=True)
+
+    #: Laws that are not in the class; the beginning of what a proof does not claim.
+    excluded: ClassVar[str]
+    #: An element that does not slip, in the text of a counterexample.
+    stuck_element: ClassVar[str] = "a spring"
+    #: True if the class may act at several ports at once.
+    joins_ports: ClassVar[bool] = False
+    #: True if there is a proof with an actuator that saturates.
+    takes_actuator: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        mechanical_units(self.position_unit)
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of position, force, stiffness and damping."""
+        return mechanical_units(self.position_unit)
+
+    @property
+    @abstractmethod
+    def description(self) -> str:
+        """Noun phrase for the laws of the class, for texts."""
+
+    @abstractmethod
+    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
+        """Return the proof, if one is found, of a loop that no stuck element makes unstable.
+
+        others : the classes at the other ports.
+        """
+
+    def certify(self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()) -> FrictionCertificate:
+        """Prove that the energy of the loop falls. reference : rate [rad/s]; others : classes at the other ports."""
+        raise NotImplementedError
+
+    def region(self, task: ProofTask, known: Actuator, left: float) -> FrictionCertificate:
+        """Prove rest with an actuator that saturates. left : its limit minus the force that holds the friction [N]."""
+        return FrictionCertificate("not tried for this class; up to this kick the actuator does not saturate.")
+
+    def stuck(self) -> tuple[float, float]:
+        """Return stiffness [N/m] and damping [Ns/m] of the stiffest element that never slips; zero if none is tried."""
+        return 0.0, 0.0
+
+    def largest_force(self, Fs: float) -> float:
+        """Return the largest force [N] of the class; Fs if the class has no limit. nan if unknown."""
+        return Fs
+
+    def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
+        """Return the largest distance from rest in the end, with any friction up to these forces; nan if unknown."""
+        return bound_of_ports(loop, forces)
+
+    def describe_proved(self, proof: FrictionProof) -> str:
+        """Return what is proved, in words."""
+        return "Comes to rest from every state"
+
+
+def require_stiction(stiction: float) -> float:
+    stiction = require_real("stiction", stiction)
+    if stiction < 1:
+        raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")
+    return stiction
+
+
+@value
+class FrictionProof:
+    """A proof, or its absence, for a loop around a machine with friction, for a whole class of friction laws.
+
+    Fields
+    ------
+    verdict : FrictionVerdict
+        "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
+        to rest, with integral action at its set point. "refuted": a named member of the class makes the loop unstable.
+        This concerns the class and not the machine: its friction may be another member. "settles": rest is not decided,
+        but with every friction of the class of at most Fs the position stays within `settling_error` in the end.
+        "not decided": none of these.
+    claim, not_claimed, reason : str
+        What is proved, in one sentence; what is not proved; the reason for the verdict.
+    machine : FrictionPlant
+        The linear plant.
+    friction : tuple of FrictionClass
+        The class at each friction port.
+    counterexample : tuple of (float, complex) or None
+        Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts outside the stable
+        region. For several ports: a tuple with one stiffness each.
+    error_bound : float
+        Largest distance of the position from rest in the end with any friction of at most Fs [m] (for several ports: of
+        each displacement there). nan if no Fs was given, if the sliding loop is not stable, or if its modes are too
+        fast for its clock or too slow to compute.
+    settling_error : float
+        Largest distance of the position from rest in the end with every friction of the class of at most Fs [m]: the
+        smaller of a bound for the class, which `certificate.verify()` proves over the rationals, and `error_bound`,
+        which is computed in floating point. nan if no Fs was given, if the loop comes to rest, or if there is none.
+    kick_sure : float
+        Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no Fs was given, if the
+        sliding loop is stable, or if none was found.
+    certificate : Certificate or None
+        The judged certificate, if there is one; `certificate.verify()` proves it again over the rationals.
+    saturation : float
+        Largest force of the actuator [N]; infinite if none was given.
+    kick : float
+        Largest proved initial velocity at the friction port [m/s]: from rest, with no force in the springs of the
+        friction, the machine comes to rest again although its actuator saturates. Infinite if it does so from every
+        state, zero if none is proved, nan without saturation. With saturation `verdict` is "proved" (from every state)
+        or "proved up to a kick" (nothing is claimed beyond it).
+    kick_linear : float
+        Initial velocity up to which the actuator does not saturate [m/s].
+    share : float
+        Sector gain of the proof: the fraction of the commanded force, without the part that holds the friction, that
+        the actuator may fail to deliver. One if it may fail to deliver all of it, zero if it never saturates.
+
+    References
+    ----------
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001;
+    A. Bisoffi, M. Da Lio, A. Teel, L. Zaccarian, IEEE Trans. Automatic Control 63, 2018 (PID and Coulomb friction).
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust.friction import MaxwellSlip
+    >>> from robust import prove_friction, friction_plant
+    >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
+    >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, MaxwellSlip(64e3))
+    >>> proof.verdict, proof.counterexample
+    ('proved', None)
+    >>> from nlfrf.rig import Drive
+    >>> from robust.servo import cascade
+    >>> K = cascade(Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04), output_unit="N")
+    >>> proof = prove_friction(friction_plant(1.0, 0.0), K, MaxwellSlip(1e5, 2.0), Fs=1.0)
+    >>> proof.verdict, bool(proof.settling_error < 0.8 * proof.error_bound)
+    ('settles', True)
+    """
+
+    verdict: FrictionVerdict
+    claim: str
+    not_claimed: str
+    reason: str
+    machine: FrictionPlant
+    friction: tuple[FrictionClass, ...]
+    counterexample: tuple[float | tuple[float, ...], complex] | None = None
+    error_bound: float = np.nan
+    settling_error: float = np.nan
+    kick_sure: float = np.nan
+    certificate: Certificate | None = None
+    saturation: float = np.inf
+    kick: float = np.nan
+    kick_linear: float = np.nan
+    share: float = np.nan
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """Return the verdict with its claim, what is left open, the bound for any friction, and what is not claimed."""
+        settles, bounded = self.verdict is FrictionVerdict.SETTLES, np.isfinite(self.error_bound)
+        kick = f"certain after a kick of {self.kick_sure:.3g} {self.units.velocity}"
+        return (
+            Fact(self.verdict, self.claim or self.reason),
+            Fact("rest not decided" if settles else "because", self.reason if self.claim else ""),
+            Fact(
+                "any friction",
+                format_length(self.error_bound, self.units.position) if bounded else "",
+                meaning="largest distance in the end, at rest or hunting, up to the given force; proportional to it",
+            ),
+            Fact("runs away", kick if np.isfinite(self.kick_sure) else ""),
+            Fact("not claimed", self.not_claimed),
+        )
+
+    def __str__(self) -> str:
+        return format_facts(self.facts)
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of position, velocity, force, stiffness and damping."""
+        return self.machine.units
+
+    @property
+    def scope(self) -> str:
+        """Noun phrase for the friction at each port, for texts."""
+        at = zip(self.friction, self.machine.places, strict=True)
+        return " and ".join(f"every {friction.description}{place}" for friction, place in at)
