@@ -24,7 +24,7 @@ class Settling:
     rest_weights: np.ndarray
 
     @property
-    def forces(self) -> list[fmpq]:
+    def _forces(self) -> list[fmpq]:
         """Largest friction force at each port [N]."""
         return [to_rational(float(force)) for force in self.Fs]
 
@@ -46,7 +46,7 @@ class Settling:
 
     def _rests(self, ports: Sequence[PortClaim]) -> list[fmpq]:
         """Return the largest difference of each friction from that of the same elements with constant sliders [N]."""
-        return [(1 - 1 / to_rational(port.stiction)) * Fs / 2 for port, Fs in zip(ports, self.forces, strict=True)]
+        return [(1 - 1 / to_rational(port.stiction)) * Fs / 2 for port, Fs in zip(ports, self._forces, strict=True)]
 
     def supply(self, ports: Sequence[PortClaim], loop: ExactLoop) -> ExactSupply:
         """Return the supply for friction without stiction plus a rest force (T7).
@@ -106,7 +106,7 @@ class Settling:
         |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold at most (1 + 1/rho)/2 of Fs.
         """
         decay, most, size = to_rational(self.decay), max(self._rests(ports)), V.nrows()
-        held = [(1 + 1 / to_rational(port.stiction)) / 2 * Fs for port, Fs in zip(ports, self.forces, strict=True)]
+        held = [(1 + 1 / to_rational(port.stiction)) / 2 * Fs for port, Fs in zip(ports, self._forces, strict=True)]
         at_rest = (loop.x * equilibrium(loop)).tolist()
         turned, zero = V.transpose(), to_rational(0.0)
         for x, moved in zip(loop.x.tolist(), at_rest, strict=True):

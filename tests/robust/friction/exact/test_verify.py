@@ -1,6 +1,7 @@
 """A proof of a machine with friction, made again over the rationals: what holds is verified, what was changed not."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import get_args
 
 import control
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from robust import friction_plant, prove_friction, save
 from robust.friction import Bristle, MaxwellSlip
 from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.classes import PortClaim
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop
@@ -110,6 +112,11 @@ def test_files(proof, tmp_path):
         save(prove_friction(RIG, pid(KP, KI, KD), MaxwellSlip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
         from_plain(FrictionClaim, {"K0": 1.0})
+
+
+def test_a_file_tells_the_classes_by_their_entries():
+    entries = [frozenset(one.name for one in fields(port)) for port in get_args(PortClaim)]
+    assert len(set(entries)) == len(entries) > 1
 
 
 def test_content_gives_every_number_back(proof):
