@@ -136,7 +136,7 @@ def assemble_matrix_on_lines(
     )
 
 
-def judge_matrix_lines(loop: MatrixLoopOnLines) -> Findings:
+def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
     """Return the findings for several channels on the lines of their FRF; none of them is a proof."""
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))

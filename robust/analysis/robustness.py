@@ -14,6 +14,8 @@ A sampled controller is checked in a sampled loop: hold and computation delay ar
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TypeAlias
 
 import control
@@ -131,8 +133,8 @@ def check(
         require_choice("solver", solver, SOLVERS)
     if signals is not None:
         require_one_channel_loop(model)
-    loop = _assemble(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
-    found = _judge(loop, Effort(certify=certify, proof=proof, solver=solver))
+    loop, judge = _assemble(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+    found = judge(Effort(certify=certify, proof=proof, solver=solver))
     level, noise = None, float("nan")
     if isinstance(loop, Loop) and found.nominally_stable:
         level = None if signals is None else predict_level(loop.model, loop.controller, signals, delay=delay)
@@ -168,14 +170,17 @@ def _assemble(
     w_P: Weight | None,
     delay: float,
     n_unstable: int,
-) -> AnyLoop:
-    """Return the loop of a model and a controller; refuse parts that do not fit together."""
+) -> tuple[AnyLoop, Callable[[Effort], Findings]]:
+    """Return the loop of a model and a controller, and its judge; refuse parts that do not fit together."""
     if has_several_channels(model):
-        return LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
+        channels = LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
+        return channels, partial(judge_mu, channels)
     if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (1, 1):
-        return assemble_matrix_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+        matrix = assemble_matrix_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+        return matrix, partial(judge_matrix_lines, matrix)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
-        return assemble_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+        lines = assemble_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+        return lines, partial(judge_lines, lines)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(
             f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {describe_no_set(model)}"
@@ -183,16 +188,7 @@ def _assemble(
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
-    return loop
-
-
-def _judge(loop: AnyLoop, effort: Effort) -> Findings:
-    """Return the findings for a loop: on the lines of an FRF, by mu, or in exact arithmetic."""
-    if isinstance(loop, MatrixLoopOnLines):
-        return judge_matrix_lines(loop)
-    if isinstance(loop, LoopOnLines):
-        return judge_lines(loop, effort)
-    return judge_mu(loop, effort) if isinstance(loop, LoopOfChannels) else judge_exact(loop, effort)
+    return loop, partial(judge_exact, loop)
 
 
 def check_structure(
