@@ -35,7 +35,8 @@ PACKAGES = (
         "nlfrf.plot",
         "nlfrf._base",
     ),
-    *("robust.models", "robust.synthesis", "robust.analysis", "robust.mu", "robust.friction", "robust.proofs"),
+    *("robust.models", "robust.synthesis", "robust.analysis", "robust.mu", "robust.friction"),
+    *("robust.scheduling", "robust.proofs"),
     *("robust.lti", "robust.io", "robust.plot", "robust.reports"),
 )
 #: What most scripts need, `identify` first.
@@ -49,6 +50,7 @@ FIRST = (
         "robust.RobustnessReport",
         "robust.worst_case",
         "robust.prove_friction",
+        "robust.prove_schedule",
     ),
     *("robust.reports.write_report", "robust.io.export_matlab"),
 )

@@ -13,6 +13,7 @@
     robust.margins   disk margins, classical margins, nu-gap
     robust.mu        bounds on the structured singular value, certificates, real parameters
     robust.friction  machines with friction: classes, proofs, saturation
+    robust.scheduling  gain scheduling: proofs while the operating point moves
     robust.proofs    certificates
     robust.lti       sampled plants, discrete controllers
     robust.io        files: models, controllers, certificates, gains for a PLC, MATLAB
@@ -29,7 +30,20 @@ if not hasattr(lazy_loader, "attach_stub"):
 
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _submodules = (
-    *("analysis", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "servo", "shaping"),
-    *("synthesis", "tuning"),
+    *(
+        "analysis",
+        "friction",
+        "io",
+        "lti",
+        "margins",
+        "models",
+        "mu",
+        "plot",
+        "proofs",
+        "reports",
+        "scheduling",
+        "servo",
+    ),
+    *("shaping", "synthesis", "tuning"),
 )
 __all__ = [name for name in _names if name not in _submodules]

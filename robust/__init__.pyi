@@ -9,6 +9,7 @@ from . import mu as mu
 from . import plot as plot
 from . import proofs as proofs
 from . import reports as reports
+from . import scheduling as scheduling
 from . import servo as servo
 from . import shaping as shaping
 from . import synthesis as synthesis
@@ -32,6 +33,7 @@ from .models.sets.build import uncertainty as uncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
 from .models.validation import validate as validate
 from .proofs.search.bounded_real import certify_norm as certify_norm
+from .scheduling.prove import prove_schedule as prove_schedule
 from .synthesis.fixed.design_frf import design_frf as design_frf
 from .synthesis.hinf.design import Design as Design
 from .synthesis.hinf.dk import dk_iteration as dk_iteration

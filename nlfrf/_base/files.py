@@ -95,6 +95,7 @@ FILE_KINDS = {
     "robust-certificate": _CERTIFICATE_FILE,
     "robust-friction-certificate": _CERTIFICATE_FILE,
     "robust-mu-certificate": _CERTIFICATE_FILE,
+    "robust-schedule-certificate": _CERTIFICATE_FILE,
 }
 
 

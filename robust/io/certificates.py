@@ -36,7 +36,9 @@ from robust.proofs.exact.folded_sets import FoldedClaim
 from robust.proofs.exact.interval_kyp import IntervalClaim
 from robust.proofs.exact.loops import verify_loop
 from robust.proofs.exact.scaled_kyp import ScaledClaim
+from robust.proofs.exact.scheduled_kyp import ScheduleClaim, verify_schedule
 from robust.proofs.exact.verification import Verification
+from robust.scheduling.prove import ScheduleProof
 
 
 def certificate_path(report: Path, number: int = 0) -> Path:
@@ -48,13 +50,18 @@ def certificate_path(report: Path, number: int = 0) -> Path:
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
-def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
+def save_certificate(report: RobustnessReport | FrictionProof | ScheduleProof, path: PathLike) -> None:
     """Write a proof as JSON: plant, controller, delay, weights and claim as given, and a digest of them.
 
     For several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
     """
     if isinstance(report, FrictionProof) and report.certificate is not None:
         save_friction_proof(report, path)
+        return
+    if isinstance(report, ScheduleProof) and report.holds:
+        certificate = report.certificate
+        how = [{"subject": certificate.subject, "found by": certificate.method}]
+        write_claim(path, certificate.claim, found=how)  # type: ignore[arg-type]  # a certificate of any claim
         return
     known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
     proofs = [c for c in known.certificates if c.holds]
@@ -97,9 +104,10 @@ def save_friction_proof(
     )
 
 
-def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim:
-    """Return the claim of a certificate, for a loop, for several channels or for a machine with friction."""
-    found = read_claim(path, FrictionClaim) or read_claim(path, ChannelsClaim) or read_claim(path, LoopClaim)
+def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim | ScheduleClaim:
+    """Return the claim of a certificate: of a loop, several channels, a machine with friction or a schedule."""
+    kinds: tuple[type, ...] = (FrictionClaim, ChannelsClaim, ScheduleClaim, LoopClaim)
+    found = next(filter(None, (read_claim(path, kind) for kind in kinds)), None)
     if found is None:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
     return found
@@ -155,13 +163,17 @@ def verify_certificate(
     claim = load_claim(path)
     if isinstance(claim, FrictionClaim):
         wrong, found = _differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
+    elif isinstance(claim, ScheduleClaim):
+        if model is not None or K is not None:
+            raise ValueError("model and K must be left out for a schedule: compare them with robust.load(path)")
+        wrong, found = {}, partial(verify_schedule, claim, time_cap=time_cap)
     elif not isinstance(model, UncertaintyModel | None):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
     elif isinstance(claim, ChannelsClaim):
         wrong, found = _differences_of_channels(claim, model, K), partial(verify_channels, claim)
     else:
         wrong, found = _differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
-    if K is not None and not isinstance(claim, ChannelsClaim):
+    if K is not None and not isinstance(claim, ChannelsClaim | ScheduleClaim):
         other = differing_fields(claim.controller, to_matrices(state_space("K", K)), _SYSTEM)
         wrong |= {"the controller": ""} if other else {}
     proved = found()

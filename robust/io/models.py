@@ -112,7 +112,12 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 # ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
 
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
-CERTIFICATE_SCHEMAS = ("robust-certificate", "robust-mu-certificate", "robust-friction-certificate")
+CERTIFICATE_SCHEMAS = (
+    "robust-certificate",
+    "robust-mu-certificate",
+    "robust-friction-certificate",
+    "robust-schedule-certificate",
+)
 _UNITS = {"omega": "rad/s", "delay": "s", "fs": "Hz", "dt": "s"}
 #: Fields that a set of such a schema does not have.
 _FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "scaling")}

@@ -42,8 +42,9 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
     from robust.analysis.report import RobustnessReport
     from robust.friction.proof.protocol import FrictionProof
     from robust.io.certificates import save_certificate
+    from robust.scheduling.prove import ScheduleProof
 
-    if isinstance(thing, RobustnessReport | FrictionProof):
+    if isinstance(thing, RobustnessReport | FrictionProof | ScheduleProof):
         save_certificate(thing, path)
     elif isinstance(K := getattr(thing, "K", None), control.StateSpace):
         raise ValueError(

@@ -1,6 +1,7 @@
 """Models: a nominal with weights, the set of plants around it, and its validation by records.
 
 fit         fits
+lpv         `LpvModel`: matrices that are polynomials of an operating point
 sets        uncertainty sets
 validation  does a record contradict a model, does another record confirm it
 """

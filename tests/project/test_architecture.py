@@ -27,10 +27,11 @@ ARROWS = {
     "robust.mu": "proofs lti",
     "robust.models": "pages mu proofs lti",
     "robust.friction": "pages proofs lti",
+    "robust.scheduling": "models proofs lti",
     "robust.analysis": "pages models mu proofs lti",
     "robust.synthesis": "pages analysis friction models mu proofs lti",
-    "robust.plot": "synthesis analysis friction models lti",
-    "robust.io": "synthesis analysis friction models proofs lti",
+    "robust.plot": "scheduling synthesis analysis friction models lti",
+    "robust.io": "scheduling synthesis analysis friction models proofs lti",
     "robust.servo": "pages plot io synthesis analysis friction models lti",
     "robust.reports": "pages io plot synthesis analysis friction models lti",
 }
@@ -72,7 +73,8 @@ HEAVY = {
     "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.pages.html",
     "jsonschema": "nlfrf._base.files",
-    "flint": "robust.proofs.exact robust.friction.exact robust.models.sets.membership robust.mu.pieces",
+    "flint": "robust.proofs.exact robust.proofs.search.scheduled robust.friction.exact robust.models.sets.membership "
+    "robust.mu.pieces robust.scheduling.attack",
     "anywidget": "robust.reports.shaping_page.widget",
     "traitlets": "robust.reports.shaping_page.widget",
     "pandas": "nlfrf.io.readers.tables",

@@ -12,10 +12,15 @@ interval_kyp   a level of mu interval by interval, from P, Q and a scaling for e
 learning       the factor per trial of a learning filter
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: decisions on norms and definiteness
+polynomial_matrices  matrices that are polynomials of a parameter, positive definite on an interval
 polynomials    exact numbers, roots of polynomials, Routh's array, signs on a half line
+sampled_motion one sample of a plant whose parameter moves, bounded
 scaled_kyp     a level of mu at every frequency, from P and one scaling
+scheduled_kyp  a schedule: V = x'P(theta)x falls on every trajectory
+scheduled_loop the loop of a plant that goes with a parameter, as polynomials
 stability      stability of a loop, and the effect of a delay on its roots
 synthesis_levels  levels of H-infinity synthesis that no controller reaches, in many digits
 taylor_models  enclosures of functions on intervals
+trajectories   trajectories of a parameter on which a loop grows
 verification   `Verification`: proved claims, failed claims, and reasons
 """

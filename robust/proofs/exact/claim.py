@@ -48,6 +48,32 @@ class Matrices:
         return int(self.A.shape[0])
 
 
+@value
+class LpvMatrices:
+    """Coefficients (d + 1, rows, cols) of A, B, C, D, lowest power of theta first; dt [s], 0 for continuous."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dt: float = 0.0
+
+    def __post_init__(self) -> None:
+        n, (p, m) = self.A.shape[-1], self.D.shape[1:]
+        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != (len(self.A), *shape) or array.dtype != np.float64 or not np.isfinite(array).all():
+                raise ValueError(f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got {array.shape}")
+        if not (np.isfinite(self.dt) and self.dt >= 0):
+            raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[1])
+
+
 def to_matrices(system: control.StateSpace) -> Matrices:
     """Return the matrices of anything that has A, B, C, D and dt (a state space), number by number."""
     D = np.array(system.D, dtype=float, ndmin=2)

@@ -18,7 +18,7 @@ import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_json
 from nlfrf._base.types import Json, JsonObject
-from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.claim import LpvMatrices, Matrices
 
 _VERSION = 1
 SQUARE, WHOLE = "square", "whole"  # arrays of a claim with as many columns as rows, and with integers
@@ -103,6 +103,20 @@ def _system_from_plain(given: JsonObject) -> Matrices:
     return Matrices(**parts, dt=float(given["dt"]))
 
 
+def _lpv_from_plain(given: JsonObject) -> LpvMatrices:
+    """Return polynomial matrices from lists of numbers; empty lists have lost their shapes."""
+    if set(given) != {*"ABCD", "dt"}:
+        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
+    try:
+        D = np.array(given["D"], dtype=float, ndmin=3)
+        n, (d, p, m) = len(given["A"][0]), D.shape
+        shapes = {"A": (d, n, n), "B": (d, n, m), "C": (d, p, n), "D": D.shape}
+        parts = {name: np.array(given[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+    except ValueError as error:
+        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
+    return LpvMatrices(**parts, dt=float(given["dt"]))
+
+
 #: Function that makes a part from plain data, by the type of its field. Any other type is made by its constructor.
 _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     UnionType: _part_of_union,
@@ -111,6 +125,7 @@ _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     tuple: _tuple_from_plain,
     dict: lambda kinds, given: {str(name): _part_from_plain(kinds[1], part) for name, part in given.items()},
     Matrices: lambda _, given: _system_from_plain(given),
+    LpvMatrices: lambda _, given: _lpv_from_plain(given),
     bool: lambda _, given: given is True,
 }
 

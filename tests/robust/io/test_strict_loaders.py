@@ -15,13 +15,15 @@ from hypothesis import strategies as st
 
 import robust
 from nlfrf._base.files import parse_json
-from robust import check, prove_friction
+from robust import check, prove_friction, prove_schedule
 from robust.friction import MaxwellSlip
 from robust.friction.exact.claim import FrictionClaim
 from robust.io import verify_certificate
+from robust.models import LpvModel
 from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.claim_files import content_digest, read_claim
+from robust.proofs.exact.scheduled_kyp import ScheduleClaim
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import models
@@ -36,6 +38,7 @@ SCHEMAS = (
     "robust-certificate",
     "robust-friction-certificate",
     "robust-mu-certificate",
+    "robust-schedule-certificate",
 )
 VALIDATORS = {}
 for name in SCHEMAS:
@@ -72,6 +75,8 @@ def written(tmp_path_factory):
     kp, ki, kd, _ = ORACLES["P1"][0]
     proof = prove_friction(RIG, pid(kp, ki, kd), MaxwellSlip(64e3, 1.05))
     add(partial(read_claim, kind=FrictionClaim), proof)
+    lag = LpvModel.from_points([control.ss(-k, 1, 1, 0) for k in (1.0, 1.2)], at=[0, 1], weight=0.5)
+    add(partial(read_claim, kind=ScheduleClaim), prove_schedule(lag, 1.0, rate=1.0, limit=False))
     return made
 
 

@@ -1,0 +1,237 @@
+"""``LpvModel``: a plant or a controller with matrices that are polynomials of an operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_real, require_real_array
+from nlfrf._base.values import value
+from robust._base.types import SystemField, Weight
+from robust.lti.lti import one_sampling_time, timebase
+from robust.lti.realisation import multivariable
+from robust.models.sets.forms import DEFAULT_FORM, FORMS
+
+_LEVELS = ("level", "amplitude", "excitation", "excitation level")
+
+
+@value
+class LpvModel:
+    """A state space with matrices that are polynomials of theta in [-1, 1], the operating point on its range.
+
+    theta = (2 p - low - high)/(high - low) for an operating point p in [low, high]. The states are those of one
+    realisation for all operating points: x' = A(theta) x + B(theta) u also holds while theta moves. Frozen models do
+    not show this (Tóth 2010); whoever chooses the realisation assumes it.
+
+    Fields
+    ------
+    A, B, C, D : (d + 1, n, n), (d + 1, n, m), (d + 1, p, n), (d + 1, p, m) ndarray
+        Coefficients, lowest power of theta first.
+    points : (N,) ndarray
+        Operating points it was made from, increasing; the first and the last are the range.
+    dt : float
+        Sampling time [s]; 0 for continuous.
+    over, unit : str
+        Name and unit of the operating point.
+    weight : control.StateSpace or None
+        Weight W of the set of plants around it, for every operating point.
+    form : str
+        How W Delta enters: "multiplicative" (at the input of the plant), "additive", "inverse-multiplicative" or
+        "inverse-additive". Delta is any causal operator with a gain of at most one.
+
+    References
+    ----------
+    Rugh & Shamma, "Research on gain scheduling", Automatica, 2000.
+    Tóth, "Modeling and Identification of Linear Parameter-Varying Systems", 2010.
+
+    Examples
+    --------
+    >>> import control
+    >>> soft, stiff = (control.ss([[0, 1], [-k, -0.2]], [[0], [1]], [[1, 0]], 0) for k in (100.0, 140.0))
+    >>> plant = LpvModel.from_points([soft, stiff], at=[-0.25, 0.25], over="position", unit="m")
+    >>> print(plant)
+    order 2, continuous, polynomials of degree 1 of position from -0.25 to 0.25 m
+    >>> plant.at(0.0).A[1]
+    array([-120. ,   -0.2])
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    points: np.ndarray
+    dt: float = 0.0
+    over: str = "operating point"
+    unit: str = ""
+    weight: SystemField = None
+    form: str = DEFAULT_FORM
+
+    def __post_init__(self) -> None:
+        if self.over in _LEVELS:
+            raise ValueError(
+                f"over must be a position, a load or another state of the machine, got {self.over!r}: "
+                "a BLA at a level is an average over its record, and the plant had it at no time"
+            )
+        _require_increasing(self.points)
+        require_choice("form", self.form, tuple(name for name, form in FORMS.items() if "M" not in form.rs_factors))
+        n, (p, m) = np.shape(self.A)[-1], np.shape(self.D)[1:]
+        for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
+            array = getattr(self, name)
+            if array.shape != (len(self.A), *shape) or not np.isfinite(array).all():
+                raise ValueError(f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got {array.shape}")
+
+    @classmethod
+    def from_points(
+        cls,
+        systems: Sequence[control.StateSpace],
+        *,
+        at: ArrayLike,
+        degree: int | None = None,
+        over: str = "operating point",
+        unit: str = "",
+        weight: Weight | None = None,
+        form: str = DEFAULT_FORM,
+    ) -> LpvModel:
+        """Return the polynomials through given systems in one realisation; of a lower degree, the closest ones.
+
+        Parameters
+        ----------
+        systems : list of control.StateSpace
+            One at each operating point, all with the same states, inputs, outputs and sampling time. The states must
+            mean the same at every point (displacement and velocity of each mode, for example).
+        at : (N,) array_like
+            Operating points, increasing.
+        degree : int, optional
+            Degree of the polynomials, at most N - 1, which is the default.
+        over, unit : str
+            Name and unit of the operating point.
+        weight : control.StateSpace or number, optional
+            Weight of the set of plants.
+        form : str
+            Form of the set.
+
+        Returns
+        -------
+        LpvModel
+
+        Raises
+        ------
+        ValueError
+            One operating point, points that do not increase, another number of systems, or systems that differ in
+            order, channels or sampling time.
+
+        Examples
+        --------
+        >>> import control
+        >>> gains = LpvModel.from_points([control.ss([], [], [], k) for k in (1.0, 2.0, 5.0)], at=[0, 1, 2])
+        >>> gains.D.ravel(), float(gains.at(2).D[0, 0])
+        (array([2., 2., 1.]), 5.0)
+        """
+        at = require_real_array("at", at, ndim=1)
+        _require_increasing(at)
+        if len(systems) != at.size:
+            raise ValueError(f"at must have one operating point for each system, got {at.size} for {len(systems)}")
+        degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
+        if degree > at.size - 1:
+            raise ValueError(f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}")
+        found = [multivariable("systems", system) for system in systems]
+        sizes = {(system.nstates, system.ninputs, system.noutputs) for system in found}
+        if len(sizes) > 1:
+            raise ValueError(
+                "systems must have the same states, inputs and outputs at every operating point, got "
+                + " and ".join(f"{n} states, {m} inputs, {p} outputs" for n, m, p in sorted(sizes))
+            )
+        powers = _theta(at, at)[:, None] ** np.arange(degree + 1)
+        parts = {}
+        for name in "ABCD":
+            values = np.array([getattr(system, name) for system in found], dtype=float)
+            flat = np.linalg.lstsq(powers, values.reshape(len(found), -1), rcond=None)[0]
+            flat[np.abs(flat) < 1e-14 * np.abs(values).max(initial=0.0)] = 0.0  # rounding of the fit
+            if np.all(values == values[0]):
+                flat[:] = 0.0
+                flat[0] = values[0].ravel()
+            parts[name] = flat.reshape(degree + 1, *values.shape[1:])
+        return cls(
+            **parts,
+            points=at,
+            dt=one_sampling_time(system.dt for system in found),
+            over=over,
+            unit=unit,
+            weight=None if weight is None else multivariable("weight", weight),
+            form=form,
+        )
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[1])
+
+    @property
+    def half_range(self) -> float:
+        """Half of the range of operating points: theta moves at the rate of the operating point divided by it."""
+        return float(self.points[-1] - self.points[0]) / 2
+
+    def at(self, point: float) -> control.StateSpace:
+        """Return the model with the operating point held.
+
+        Parameters
+        ----------
+        point : float
+            Operating point, inside the range.
+
+        Returns
+        -------
+        control.StateSpace
+
+        Raises
+        ------
+        ValueError
+            A point outside the range.
+        """
+        point = require_real("point", point)
+        if not self.points[0] <= point <= self.points[-1]:
+            raise ValueError(f"point must lie in {self.describe_range()}, got {point:g}")
+        powers = _theta(point, self.points) ** np.arange(len(self.A))
+        matrices = (np.tensordot(powers, getattr(self, name), 1) for name in "ABCD")
+        return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
+
+    def describe_range(self) -> str:
+        """Return the range in words."""
+        return f"{self.over} from {self.points[0]:g} to {self.points[-1]:g} {self.unit}".rstrip()
+
+    def __str__(self) -> str:
+        clock = f"{1 / self.dt:g} Hz" if self.dt else "continuous"
+        text = f"order {self.order}, {clock}, polynomials of degree {len(self.A) - 1} of {self.describe_range()}"
+        return text if self.weight is None else f"{text}; {self.form} weight of order {self.weight.nstates}"
+
+
+def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
+    """Return an `LpvModel` as it is, and one system as a model that does not go with the operating point."""
+    if isinstance(system, LpvModel):
+        return system
+    if isinstance(system, list | tuple):
+        raise ValueError(
+            f"{name} must be an LpvModel, got {len(system)} systems: LpvModel.from_points(systems, at=points)"
+        )
+    real = multivariable(name, system)
+    A, B, C, D = (np.array(getattr(real, each), dtype=float)[None] for each in "ABCD")
+    return LpvModel(A=A, B=B, C=C, D=D, points=like.points, dt=timebase(real), over=like.over, unit=like.unit)
+
+
+def require_lpv(name: str, model: object) -> LpvModel:
+    """Return an `LpvModel`, or refuse another type."""
+    require_kind(name, model, LpvModel)
+    return model  # type: ignore[return-value]
+
+
+def _theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
+    return np.asarray((2 * np.asarray(point, dtype=float) - at[0] - at[-1]) / (at[-1] - at[0]))
+
+
+def _require_increasing(at: np.ndarray) -> None:
+    if at.ndim != 1 or at.size < 2 or not np.isfinite(at).all() or not np.all(np.diff(at) > 0):
+        got = "one" if np.size(at) == 1 else f"{np.asarray(at).tolist()}"
+        raise ValueError(f"at must be at least two operating points that increase, got {got}")

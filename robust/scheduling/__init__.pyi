@@ -1,0 +1,2 @@
+from .prove import BrokenRate as BrokenRate
+from .prove import ScheduleProof as ScheduleProof

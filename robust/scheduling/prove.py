@@ -1,0 +1,362 @@
+"""``prove_schedule``: a scheduled loop while its operating point moves: proved, refuted or not decided."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from nlfrf._base.arguments import require_choice, require_integer, require_nonnegative, require_positive
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust._base.types import Controller
+from robust.lti.lti import timebase
+from robust.models.lpv import LpvModel, constant_model, require_lpv
+from robust.models.sets.forms import FORMS
+from robust.proofs.exact.claim import LpvMatrices, Matrices, to_matrices
+from robust.proofs.exact.scheduled_kyp import ScheduleClaim, require_schedule, verify_schedule
+from robust.proofs.exact.scheduled_loop import GAINS
+from robust.proofs.exact.trajectories import Trajectory
+from robust.proofs.exact.verification import Verification
+from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_certificate
+from robust.proofs.search.scheduled import search_schedule
+from robust.scheduling.attack import growing_jumps, slowest_growth
+
+_DEGREES = (1, 2, 3)
+_STEP = 1.2  # relative, to which the provable rate is searched
+_WIDEST = 16.0  # times the rate that is asked for, at most
+_WHOLE = 1e-6  # of a sample
+
+
+@value
+class ScheduleProof:
+    """What is proved of a scheduled loop while its operating point moves.
+
+    Fields
+    ------
+    outcome : Outcome
+        "holds": everything asked for is proved, at every rate up to `rate`. "violated": `broken` is a trajectory within
+        that rate, on which the loop grows. "undecided": neither.
+    rate : float
+        Rate that was asked for, in units of the operating point per second; inf for jumps.
+    provable : float
+        Largest rate at which the same was proved, at least; inf: at any rate; 0: at none.
+    certificate : Certificate
+        Of stability, or of a gain (which includes stability), at the rate that was asked for.
+    broken : BrokenRate or None
+        The slowest trajectory found on which the loop grows.
+    degree : int
+        Degree of P in theta.
+    plant, K : LpvModel
+        Plant and controller, u = -K y.
+    delay : float
+        Delay between controller and plant [s].
+
+    References
+    ----------
+    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter variation rates", 1996.
+
+    Examples
+    --------
+    >>> import control, robust
+    >>> from robust.models import LpvModel
+    >>> soft, stiff = (control.ss([[0, 1], [-k, -1.0]], [[0], [1]], [[1, 0]], 0) for k in (4.0, 6.0))
+    >>> plant = LpvModel.from_points([soft, stiff], at=[0, 1], over="position", unit="m")
+    >>> proof = robust.prove_schedule(plant, 1.0, rate=0.5, limit=False)
+    >>> proof.outcome, proof.degree
+    ('holds', 0)
+    >>> print(proof.verify())
+    stability on every trajectory: proved, rigorous
+    """
+
+    outcome: Outcome
+    rate: float
+    provable: float
+    certificate: Certificate
+    broken: BrokenRate | None
+    degree: int
+    plant: LpvModel
+    K: LpvModel
+    delay: float
+
+    @property
+    def holds(self) -> bool:
+        """True if everything that was asked for is proved."""
+        return self.outcome is Outcome.HOLDS
+
+    def verify(self, *, time_cap: float = 60.0) -> Verification:
+        """Prove the claim again from its numbers alone, without the search.
+
+        Parameters
+        ----------
+        time_cap : float
+            Seconds of processor time.
+
+        Returns
+        -------
+        Verification
+        """
+        return self.certificate.verify(time_cap=time_cap)
+
+    def __str__(self) -> str:
+        unit = f"{self.plant.unit}/s" if self.plant.unit else f"of {self.plant.over} per second"
+        speed = "jumping at will" if np.isinf(self.rate) else f"at most {self.rate:g} {unit}"
+        clock = f"at {1 / self.K.dt:g} Hz" if self.K.dt else "in continuous time"
+        lines = [f"{self.plant.describe_range()}, {speed}, controller of order {self.K.order} {clock}"]
+        whom = "" if self.plant.weight is None else ", for every operator within the weight"
+        one, no = self.certificate, "refuted" if self.certificate.violated else "not decided"
+        how = f"proved, rigorous (P of degree {self.degree})" if one.holds else f"{no}: {one.reason}"
+        lines.append(f"  {one.subject}{whom}: {how}")
+        if self.provable not in (0, self.rate):
+            lines.append(
+                f"  provable {f'up to {self.provable:.3g} {unit}' if np.isfinite(self.provable) else 'at any rate'}"
+            )
+        if self.broken is not None:
+            lines.append(f"  {self.broken.describe(unit)}")
+        held = " and held within a sample" if self.K.dt and np.isinf(self.rate) else ""
+        lines.append(
+            f"  assumed: matrices go with {self.plant.over} as polynomials of degree {len(self.plant.A) - 1}, in this "
+            f"realisation; {self.plant.over} is known to the controller{held}"
+        )
+        return "\n".join(lines)
+
+
+@value
+class BrokenRate:
+    """A periodic trajectory of the operating point on which the loop grows, proved in balls.
+
+    Fields
+    ------
+    rate : float
+        Its largest rate, per second; inf for jumps; 0: the loop grows with the operating point held.
+    points : (N,) ndarray
+        Operating points at its vertices; linear in between, or held for jumps.
+    step : float
+        Time between vertices [s].
+    delta : float
+        The perturbation: this number, 0 without.
+
+    References
+    ----------
+    Shamma & Athans, "Gain scheduling: potential hazards and possible remedies", IEEE Control Systems, 1992.
+
+    Examples
+    --------
+    >>> import control, robust
+    >>> from robust.models import LpvModel
+    >>> plant = LpvModel.from_points([control.ss(a, 1, 1, 0) for a in (-2.0, 1.0)], at=[0, 1], over="load", unit="kg")
+    >>> proof = robust.prove_schedule(plant, 0.0, rate=0.1)
+    >>> proof.outcome, proof.broken.rate, proof.broken.points
+    ('violated', 0.0, array([1.]))
+    """
+
+    rate: float
+    points: np.ndarray
+    step: float
+    delta: float
+
+    def describe(self, unit: str) -> str:
+        """Return one line."""
+        if not self.rate:
+            return f"unstable with the operating point held at {self.points[0]:.3g} (proved)"
+        speed = "jumping" if np.isinf(self.rate) else f"at {self.rate:.3g} {unit}"
+        period = self.points.size * self.step
+        whom = f" with Delta = {self.delta:+g}" if self.delta else ""
+        low, high = self.points.min(), self.points.max()
+        return f"grows {speed}{whom}: to and fro from {low:.3g} to {high:.3g}, a period of {period:.3g} s (proved)"
+
+
+def prove_schedule(
+    plant: LpvModel,
+    K: LpvModel | Controller,
+    *,
+    rate: float,
+    delay: float = 0.0,
+    gain: str = "",
+    level: float | None = None,
+    degree: int | None = None,
+    limit: bool = True,
+) -> ScheduleProof:
+    """Prove that a scheduled loop u = -K(p) y stays stable while its operating point p moves.
+
+    With V = x'P(p)x and one scaling for each perturbation, V falls on every trajectory with |p'| <= rate, for every
+    causal perturbation of gain one in the set of the plant. The inequality is decided at every p, in balls. That the
+    loop is stable with p held anywhere proves nothing of this (Shamma & Athans).
+
+    A sampled controller acts on the continuous plant behind a hold; the motion of p within a sample is covered.
+
+    Parameters
+    ----------
+    plant : LpvModel
+        Continuous, or discrete with the sampling time of K; no direct feedthrough. Its weight, if it has one, must have
+        the time base of K.
+    K : LpvModel or control.StateSpace
+        The controller as a polynomial of the same operating point, or one for all.
+    rate : float
+        Largest rate of the operating point, in its units per second. inf: it jumps; with a sampled K at the samples.
+    delay : float
+        Delay between controller and plant [s]: whole samples; 0 for a continuous K.
+    gain : str
+        "S": from the reference to the error; "GS": from the input of the plant to its output. "" for stability.
+    level : float, optional
+        Level to prove for the L2 gain.
+    degree : int, optional
+        Degree of P; by default 1, 2 and 3 are tried, and before them 0 for jumps and in continuous time.
+    limit : bool
+        Whether to search for the largest provable rate (to 20 percent) and for a trajectory on which the loop grows.
+
+    Returns
+    -------
+    ScheduleProof
+
+    Raises
+    ------
+    ValueError
+        Plants or controllers of other types, ranges, units, sizes or sampling times; a rate that is not positive; a
+        delay that is not whole samples; a gain without a level.
+
+    References
+    ----------
+    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter variation rates", 1996.
+    Shamma & Athans, "Guaranteed properties of gain scheduled control for linear parameter-varying plants", 1991.
+
+    Examples
+    --------
+    >>> import control, robust
+    >>> from robust.models import LpvModel
+    >>> soft, stiff = (control.ss([[0, 1], [-k, -1.0]], [[0], [1]], [[1, 0]], 0) for k in (4.0, 6.0))
+    >>> plant = LpvModel.from_points([soft, stiff], at=[0, 1], over="position", unit="m")
+    >>> proof = robust.prove_schedule(plant, 1.0, rate=0.5, limit=False)
+    >>> print(proof)
+    position from 0 to 1 m, at most 0.5 m/s, controller of order 0 in continuous time
+      stability on every trajectory: proved, rigorous (P of degree 0)
+      assumed: matrices go with position as polynomials of degree 1, in this realisation; position is
+        known to the controller
+    """
+    claim = _claim(plant, K, rate=rate, delay=delay, gain=gain, level=level)
+    sampled = bool(claim.controller.dt)
+    degrees = ((0, 1) if sampled else (0,)) if claim.jumps else _DEGREES if sampled else (0, *_DEGREES)
+    if degree is not None:
+        degrees = (require_integer("degree", degree, least=0),)
+    found, used, reason = None, degrees[-1], ""
+    for used in degrees:
+        found, decision = search_schedule(claim, used)
+        reason = decision.reason
+        if found is not None:
+            break
+    broken = _broken(claim) if limit or found is None else None
+    provable = claim.speed if found is not None else 0.0
+    if limit and not claim.jumps:
+        any_rate = found is not None and not used and not sampled
+        provable = (
+            np.inf if any_rate else _largest_rate(claim, used, provable, np.inf if broken is None else broken.rate)
+        )
+    outcome = Outcome.HOLDS if found is not None else Outcome.UNDECIDED
+    if found is None and broken is not None and broken.rate <= claim.speed:
+        outcome, reason = Outcome.VIOLATED, "a trajectory grows"
+    half = plant.half_range
+    return ScheduleProof(
+        outcome=outcome,
+        rate=claim.speed * half,
+        provable=provable * half,
+        certificate=_certificate(claim, found, reason, outcome),
+        broken=None if broken is None else _in_units(broken, plant),
+        degree=used,
+        plant=plant,
+        K=constant_model("K", K, plant),
+        delay=delay,
+    )
+
+
+def _claim(
+    plant: LpvModel, K: LpvModel | Controller, *, rate: float, delay: float, gain: str, level: float | None
+) -> ScheduleClaim:
+    """Return the claim in theta, without P; refuse what does not fit."""
+    plant = require_lpv("plant", plant)
+    controller = constant_model("K", K, plant)
+    mine, own = controller.points[[0, -1]], plant.points[[0, -1]]
+    if not np.array_equal(mine, own) or (controller.over, controller.unit) != (plant.over, plant.unit):
+        raise ValueError(
+            f"K must be scheduled over the range of the plant, {plant.describe_range()}, "
+            f"got {controller.describe_range()}"
+        )
+    if rate != np.inf:
+        rate = require_positive("rate", rate)
+    require_choice("gain", gain, ("", *GAINS))
+    if gain and level is None:
+        raise ValueError(f"level must be given with gain {gain!r}, got none")
+    level = require_positive("level", 1.0 if level is None else level)
+    dt, samples = controller.dt, require_nonnegative("delay", delay)
+    samples = samples / dt if dt else samples
+    if abs(samples - round(samples)) > _WHOLE or (not dt and samples):
+        wanted = f"a whole number of samples of {dt:g} s" if dt else "zero for a continuous K"
+        raise ValueError(f"delay must be {wanted}, got {delay:g} s")
+    if not plant.order:
+        raise ValueError("plant must have states, got a gain")
+    machine, law = (LpvMatrices(A=one.A, B=one.B, C=one.C, D=one.D, dt=one.dt) for one in (plant, controller))
+    weight, reads = _weight(plant, dt), tuple(one for one in FORMS[plant.form].rs_factors if one in ("G", "K"))
+    require_schedule(machine, law, weight, reads)
+    return ScheduleClaim(
+        plant=machine, controller=law, weight=weight, reads=reads, delay=round(samples),
+        rate=0.0 if rate == np.inf else rate / plant.half_range, jumps=rate == np.inf, gain=gain, level=level,
+        P=np.zeros((1, 0, 0)), S=np.zeros((0, 0)), scalings=np.zeros(0),
+    )  # fmt: skip
+
+
+def _weight(plant: LpvModel, dt: float) -> Matrices | None:
+    """Return the weight on the time base of the controller."""
+    weight = plant.weight
+    if weight is None:
+        return None
+    if dt and not timebase(weight) and weight.nstates:
+        raise ValueError(f"weight must have the sampling time of K, {dt:g} s, got a continuous one")
+    return replace(to_matrices(weight), dt=dt)
+
+
+def _broken(claim: ScheduleClaim) -> Trajectory | None:
+    """Return a trajectory on which the loop grows."""
+    return growing_jumps(claim) if claim.jumps else slowest_growth(claim)
+
+
+def _in_units(found: Trajectory, plant: LpvModel) -> BrokenRate:
+    middle = (plant.points[0] + plant.points[-1]) / 2
+    return BrokenRate(
+        rate=found.rate * plant.half_range,
+        points=middle + plant.half_range * found.theta,
+        step=found.step,
+        delta=found.delta,
+    )
+
+
+def _largest_rate(claim: ScheduleClaim, degree: int, proved: float, broken: float) -> float:
+    """Return the largest rate of theta that is proved with a degree of P, to a step of 20 percent."""
+    low, high = proved, min(broken, claim.rate * _WIDEST)
+    trial = 2 * low if low else claim.rate / 2
+    while high > _STEP * low and trial > claim.rate / _WIDEST:
+        trial = min(trial, np.sqrt(low * high)) if low else trial
+        if search_schedule(replace(claim, rate=float(trial)), degree)[0] is None:
+            high = trial
+            trial = np.sqrt(low * high) if low else trial / 2
+        else:
+            low, trial = trial, 2 * trial
+    return float(low)
+
+
+def _certificate(claim: ScheduleClaim, found: ScheduleClaim | None, reason: str, outcome: Outcome) -> Certificate:
+    subject = (
+        "stability on every trajectory"
+        if not claim.gain
+        else f"gain {claim.gain} below {claim.level:g} on every trajectory"
+    )
+    if found is None:
+        return failed_certificate(subject, claim.level, reason, outcome=outcome)
+    return Certificate(
+        subject=subject,
+        outcome=Outcome.HOLDS,
+        level=claim.level,
+        method=SCALED_KYP,
+        intervals=np.array([[0.0, np.inf]]),
+        reason="",
+        claim=found,
+        again=verify_schedule,
+    )
