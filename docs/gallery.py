@@ -50,6 +50,7 @@ CARDS = {
     "20_tune_a_cascade": (0, 0),
     "22_family_of_matrix_plants": (0, 0),
     "23_learn_from_trial_to_trial": (0, 1),
+    "24_schedule_over_position": (0, 0),
 }
 STORED = ROOT / "docs" / "_static"  # what examples gave whose records may not be there
 #: Where the records of an example are found that does not come with them.

@@ -507,6 +507,44 @@ def prove(
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
+@app.command("prove-schedule")
+def prove_schedule(
+    bla: Annotated[list[Path], typer.Argument(help="BLAs of 'nlfrf identify', one at each operating point.")],
+    controller: Annotated[
+        list[Path], typer.Option(help="Controller at each operating point in one realisation; or one for all.")
+    ],
+    at: Annotated[str, typer.Option(help="Operating points, increasing: -0.2,0,0.2")],
+    rate: Annotated[float, typer.Option(help="Largest rate of the operating point, per second; inf: it jumps.")],
+    poles: Annotated[int, typer.Option(help="Number of poles at each operating point.")],
+    degree: Annotated[int, typer.Option(help="Degree of the polynomials of the plant.")] = 2,
+    form: Annotated[str, typer.Option(help="Form of the set.")] = "multiplicative",
+    order: Annotated[int | None, typer.Option(help="Order of the weight.")] = None,
+    gain: Annotated[str, typer.Option(help="S or GS: prove its gain too.")] = "",
+    level: Annotated[float | None, typer.Option(help="Level of that gain.")] = None,
+    over: Annotated[str, typer.Option(help="Name of the operating point.")] = "position",
+    unit: Annotated[str, typer.Option(help="Its unit.")] = "m",
+    delay: Delay = None,
+    limit: Annotated[bool, typer.Option(help="Search the largest provable rate, and one that breaks it.")] = True,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Certificate to write (.json).")] = None,
+    json: Json = False,
+) -> None:
+    """Prove that a scheduled loop stays stable while its operating point moves; exit code 0 where it is proved."""
+    points = [parse_number("--at", part) for part in at.split(",")]
+    loops = from_options.load_loops(controller, delay)
+    dt, late = loops[0][0].dt or 0.0, loops[0][1]
+    named: dict[str, Any] = {"at": points, "over": over, "unit": unit}
+    blas = [models.load_bla(path) for path in bla]
+    with spinner("fitting"):
+        plant = robust.models.interpolate(blas, n_poles=poles, degree=degree, dt=dt, form=form, order=order, **named)
+    K = loops[0][0] if len(loops) == 1 else robust.models.LpvModel.from_points([K for K, _ in loops], **named)
+    with spinner("proving"):
+        proof = robust.prove_schedule(plant, K, rate=rate, delay=late, gain=gain, level=level, limit=limit)
+    printer(json)(f"{plant}\n{proof}")
+    if out is not None and proof.holds:
+        robust.save(proof, out)
+    finish_command(proof, proof.holds, json)
+
+
 @learn_app.command("design")
 def design_learning(
     model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],

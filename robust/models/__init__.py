@@ -2,6 +2,7 @@
 
 fit         fits
 lpv         `LpvModel`: matrices that are polynomials of an operating point
+operating_points  one model from BLAs at several operating points
 sets        uncertainty sets
 validation  does a record contradict a model, does another record confirm it
 """

@@ -3,6 +3,7 @@ from .fit.weights import control_weight as control_weight
 from .fit.weights import delay_weight as delay_weight
 from .fit.weights import makeweight as makeweight
 from .lpv import LpvModel as LpvModel
+from .operating_points import interpolate as interpolate
 from .sets.family import choose_form as choose_form
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem

@@ -41,6 +41,8 @@ class LpvModel:
     form : str
         How W Delta enters: "multiplicative" (at the input of the plant), "additive", "inverse-multiplicative" or
         "inverse-additive". Delta is any causal operator with a gain of at most one.
+    held_out : float
+        Largest error at an operating point that was left out, in units of the weight; nan if none was.
 
     References
     ----------
@@ -68,6 +70,7 @@ class LpvModel:
     unit: str = ""
     weight: SystemField = None
     form: str = DEFAULT_FORM
+    held_out: float = float("nan")
 
     def __post_init__(self) -> None:
         if self.over in _LEVELS:
@@ -75,7 +78,7 @@ class LpvModel:
                 f"over must be a position, a load or another state of the machine, got {self.over!r}: "
                 "a BLA at a level is an average over its record, and the plant had it at no time"
             )
-        _require_increasing(self.points)
+        require_increasing(self.points)
         require_choice("form", self.form, tuple(name for name, form in FORMS.items() if "M" not in form.rs_factors))
         n, (p, m) = np.shape(self.A)[-1], np.shape(self.D)[1:]
         for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
@@ -131,7 +134,7 @@ class LpvModel:
         (array([2., 2., 1.]), 5.0)
         """
         at = require_real_array("at", at, ndim=1)
-        _require_increasing(at)
+        require_increasing(at)
         if len(systems) != at.size:
             raise ValueError(f"at must have one operating point for each system, got {at.size} for {len(systems)}")
         degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
@@ -144,18 +147,15 @@ class LpvModel:
                 "systems must have the same states, inputs and outputs at every operating point, got "
                 + " and ".join(f"{n} states, {m} inputs, {p} outputs" for n, m, p in sorted(sizes))
             )
-        powers = _theta(at, at)[:, None] ** np.arange(degree + 1)
-        parts = {}
-        for name in "ABCD":
-            values = np.array([getattr(system, name) for system in found], dtype=float)
-            flat = np.linalg.lstsq(powers, values.reshape(len(found), -1), rcond=None)[0]
-            flat[np.abs(flat) < 1e-14 * np.abs(values).max(initial=0.0)] = 0.0  # rounding of the fit
-            if np.all(values == values[0]):
-                flat[:] = 0.0
-                flat[0] = values[0].ravel()
-            parts[name] = flat.reshape(degree + 1, *values.shape[1:])
+        A, B, C, D = (
+            polynomials_through(np.array([getattr(system, name) for system in found], dtype=float), at, at, degree)
+            for name in "ABCD"
+        )
         return cls(
-            **parts,
+            A=A,
+            B=B,
+            C=C,
+            D=D,
             points=at,
             dt=one_sampling_time(system.dt for system in found),
             over=over,
@@ -205,7 +205,8 @@ class LpvModel:
     def __str__(self) -> str:
         clock = f"{1 / self.dt:g} Hz" if self.dt else "continuous"
         text = f"order {self.order}, {clock}, polynomials of degree {len(self.A) - 1} of {self.describe_range()}"
-        return text if self.weight is None else f"{text}; {self.form} weight of order {self.weight.nstates}"
+        text += "" if self.weight is None else f"; {self.form} weight"
+        return text if np.isnan(self.held_out) else f"{text}\n  left-out point: {self.held_out:.2g} of the weight"
 
 
 def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
@@ -227,11 +228,26 @@ def require_lpv(name: str, model: object) -> LpvModel:
     return model  # type: ignore[return-value]
 
 
+def polynomials_through(values: np.ndarray, at: np.ndarray, span: np.ndarray, degree: int) -> np.ndarray:
+    """Return (d + 1, ...) coefficients in theta of the polynomials closest to values (N, ...) at operating points.
+
+    span : operating points whose ends are the range. What is the same at all points does not go with theta, exactly.
+    """
+    powers = _theta(at, span)[:, None] ** np.arange(degree + 1)
+    known = np.nan_to_num(values.reshape(len(at), -1))
+    flat = np.linalg.lstsq(powers, known, rcond=None)[0]
+    constant = np.all(known == known[0], axis=0)
+    flat[:, constant] = 0.0
+    flat[0, constant] = known[0, constant]
+    flat[:, np.isnan(values.reshape(len(at), -1)[0])] = np.nan
+    return flat.reshape(degree + 1, *values.shape[1:])
+
+
 def _theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
     return np.asarray((2 * np.asarray(point, dtype=float) - at[0] - at[-1]) / (at[-1] - at[0]))
 
 
-def _require_increasing(at: np.ndarray) -> None:
+def require_increasing(at: np.ndarray) -> None:
     if at.ndim != 1 or at.size < 2 or not np.isfinite(at).all() or not np.all(np.diff(at) > 0):
         got = "one" if np.size(at) == 1 else f"{np.asarray(at).tolist()}"
         raise ValueError(f"at must be at least two operating points that increase, got {got}")

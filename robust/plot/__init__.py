@@ -5,6 +5,7 @@
     shaping  |L| between its bounds
     friction pictures of friction, and of its effect on a loop
     learning factor of a learning filter over frequency, error over trials
+    scheduling  gain of a scheduled controller at its operating points
     tuning   limits of a tuned design over frequency, before and after
     style    colours, units, and the measured band in white
 
@@ -27,6 +28,7 @@ from robust.plot.models import (
     plot_set,
     plot_weight,
 )
+from robust.plot.scheduling import plot_schedule
 from robust.plot.shaping import plot_loop_bounds
 from robust.plot.tuning import plot_limits
 
@@ -45,6 +47,7 @@ __all__ = [
     "plot_nyquist",
     "plot_orders",
     "plot_rest",
+    "plot_schedule",
     "plot_set",
     "plot_step",
     "plot_trials",

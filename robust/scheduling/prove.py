@@ -22,7 +22,7 @@ from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_cer
 from robust.proofs.search.scheduled import search_schedule
 from robust.scheduling.attack import growing_jumps, slowest_growth
 
-_DEGREES = (1, 2, 3)
+_DEGREES, _SAMPLED_DEGREES = (0, 1, 2, 3), (1, 2)
 _STEP = 1.2  # relative, to which the provable rate is searched
 _WIDEST = 16.0  # times the rate that is asked for, at most
 _WHOLE = 1e-6  # of a sample
@@ -99,7 +99,7 @@ class ScheduleProof:
         return self.certificate.verify(time_cap=time_cap)
 
     def __str__(self) -> str:
-        unit = f"{self.plant.unit}/s" if self.plant.unit else f"of {self.plant.over} per second"
+        unit = f"{self.plant.unit}/s" if self.plant.unit else "per second"
         speed = "jumping at will" if np.isinf(self.rate) else f"at most {self.rate:g} {unit}"
         clock = f"at {1 / self.K.dt:g} Hz" if self.K.dt else "in continuous time"
         lines = [f"{self.plant.describe_range()}, {speed}, controller of order {self.K.order} {clock}"]
@@ -160,10 +160,13 @@ class BrokenRate:
         if not self.rate:
             return f"unstable with the operating point held at {self.points[0]:.3g} (proved)"
         speed = "jumping" if np.isinf(self.rate) else f"at {self.rate:.3g} {unit}"
-        period = self.points.size * self.step
+        up = np.diff(self.points, append=self.points[:1]) > 0
+        times = int(np.count_nonzero(up & ~np.roll(up, 1)))
         whom = f" with Delta = {self.delta:+g}" if self.delta else ""
         low, high = self.points.min(), self.points.max()
-        return f"grows {speed}{whom}: to and fro from {low:.3g} to {high:.3g}, a period of {period:.3g} s (proved)"
+        seconds = self.points.size * self.step
+        much = f"{times} times in {seconds:.3g} s" if times > 1 else f"in {seconds:.3g} s"
+        return f"grows {speed}{whom}: to and fro from {low:.3g} to {high:.3g}, {much} (proved)"
 
 
 def prove_schedule(
@@ -201,7 +204,7 @@ def prove_schedule(
     level : float, optional
         Level to prove for the L2 gain.
     degree : int, optional
-        Degree of P; by default 1, 2 and 3 are tried, and before them 0 for jumps and in continuous time.
+        Degree of P; by default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous one, 0 and 1 for jumps.
     limit : bool
         Whether to search for the largest provable rate (to 20 percent) and for a trajectory on which the loop grows.
 
@@ -235,7 +238,7 @@ def prove_schedule(
     """
     claim = _claim(plant, K, rate=rate, delay=delay, gain=gain, level=level)
     sampled = bool(claim.controller.dt)
-    degrees = ((0, 1) if sampled else (0,)) if claim.jumps else _DEGREES if sampled else (0, *_DEGREES)
+    degrees = ((0, 1) if sampled else (0,)) if claim.jumps else _SAMPLED_DEGREES if sampled else _DEGREES
     if degree is not None:
         degrees = (require_integer("degree", degree, least=0),)
     found, used, reason = None, degrees[-1], ""

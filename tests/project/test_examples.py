@@ -135,6 +135,13 @@ PRINTED = {
         r"The loop of [12] Hz:\nverdict: +STATISTICALLY ROBUST",
         r"certificate: robust stability at all frequencies: yes",
     ],
+    "24_schedule_over_position": [
+        r"left-out point: 0\.\d+ of the weight",
+        r"stability on every trajectory, for every operator within the weight: proved, rigorous",
+        r"grows at \d+\.?\d* m/s: to and fro",
+        r"stability on every trajectory: proved, rigorous\n",
+        r"schedule: \d+ um after 0\.8 s",
+    ],
     "23_learn_from_trial_to_trial": [
         r"friction rig ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
         r"\d{2,} times lower",

@@ -27,7 +27,7 @@ from robust.proofs.search.scaled_kyp import ScalingSearch
 
 _NODES = np.cos(np.pi * np.arange(9) / 8)
 _GRID = np.linspace(-1, 1, 201)  # where the least eigenvalue is looked for, for more nodes
-_ROUNDS = 5
+_ROUNDS = 4
 _LEAST, _LARGEST = 1e-7, 1e3  # eigenvalue of P and X, and of P on average
 
 

@@ -1,0 +1,54 @@
+"""A model that goes with an operating point: its gain over frequency at each point and in between."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import axes_or_new, finish_axes
+from robust.lti.grids import structure_grid
+from robust.lti.lti import response_by_channel
+from robust.models.lpv import LpvModel
+from robust.plot.style import to_hertz
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_BETWEEN = 5  # operating points between two that were given
+
+
+def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
+    """Plot the largest gain of a scheduled controller or plant over frequency: at each operating point, and in between.
+
+    Parameters
+    ----------
+    model : LpvModel
+        A controller or a plant.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    """
+    require_kind("model", model, LpvModel)
+    ax = axes_or_new(ax)
+    omega = np.unique(np.concatenate([structure_grid(model.at(p)) for p in model.points]))
+    omega = omega[(omega > 0) & (omega <= np.pi / model.dt)] if model.dt else omega[omega > 0]
+    low, high = model.points[[0, -1]]
+    fine = np.linspace(low, high, (_BETWEEN + 1) * (model.points.size - 1) + 1)
+    for p in (*fine, *model.points):
+        size = np.linalg.norm(response_by_channel(model.at(p), omega), ord=2, axis=(0, 1))
+        given = p in model.points
+        share = (p - low) / (high - low)
+        label = f"{p:g} {model.unit}".rstrip() if given else None
+        ax.plot(
+            to_hertz(omega),
+            size,
+            lw=1.8 if given else 0.5,
+            color=(0.1 + 0.8 * share, 0.3, 0.9 - 0.8 * share),
+            label=label,
+        )
+    ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain", title=f"At each {model.over}")
+    handles, labels = ax.get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    ax.legend(list(named.values()), list(named))
+    return finish_axes(ax)
