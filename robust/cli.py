@@ -517,7 +517,9 @@ def prove_schedule(
     rate: Annotated[float, typer.Option(help="Largest rate of the operating point, per second; inf: it jumps.")],
     poles: Annotated[int, typer.Option(help="Number of poles at each operating point.")],
     degree: Annotated[int, typer.Option(help="Degree of the polynomials of the plant.")] = 2,
-    form: Annotated[str, typer.Option(help="Form of the set.")] = "multiplicative",
+    form: Annotated[
+        str | None, typer.Option(help="Form of the set, as of one input: multiplicative (default).")
+    ] = None,
     order: Annotated[int | None, typer.Option(help="Order of the weight.")] = None,
     gain: Annotated[str, typer.Option(help="S or GS: prove its gain too.")] = "",
     level: Annotated[float | None, typer.Option(help="Level of that gain.")] = None,
@@ -531,11 +533,11 @@ def prove_schedule(
     """Prove that a scheduled loop stays stable while its operating point moves; exit code 0 where it is proved."""
     points = [parse_number("--at", part) for part in at.split(",")]
     loops = from_options.load_loops(controller, delay)
-    dt, late = loops[0][0].dt or 0.0, loops[0][1]
-    named: dict[str, Any] = {"at": points, "over": over, "unit": unit}
+    dt, late = float(loops[0][0].dt or 0.0), loops[0][1]
+    named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | ({} if form is None else {"form": form})
     blas = [models.load_bla(path) for path in bla]
     with spinner("fitting"):
-        plant = robust.models.interpolate(blas, n_poles=poles, degree=degree, dt=dt, form=form, order=order, **named)
+        plant = robust.models.interpolate(blas, n_poles=poles, degree=degree, dt=dt, order=order, **named)
     K = loops[0][0] if len(loops) == 1 else robust.models.LpvModel.from_points([K for K, _ in loops], **named)
     with spinner("proving"):
         proof = robust.prove_schedule(plant, K, rate=rate, delay=late, gain=gain, level=level, limit=limit)

@@ -137,7 +137,7 @@ def interpolate(
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
     if held_out > 1:
         data_warning(
-            f"a left-out point lies at {held_out:.2g} times the weight: measure more operating points, or change degree",
+            f"a left-out point lies at {held_out:.2g} times the weight: more operating points, or another degree",
             DesignWarning,
         )
     return replace(plant, weight=weight, held_out=held_out)

@@ -35,9 +35,8 @@ def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
     omega = omega[(omega > 0) & (omega <= np.pi / model.dt)] if model.dt else omega[omega > 0]
     low, high = model.points[[0, -1]]
     fine = np.linspace(low, high, (_BETWEEN + 1) * (model.points.size - 1) + 1)
-    for p in (*fine, *model.points):
+    for p, given in (*((p, False) for p in fine), *((p, True) for p in model.points)):
         size = np.linalg.norm(response_by_channel(model.at(p), omega), ord=2, axis=(0, 1))
-        given = p in model.points
         share = (p - low) / (high - low)
         label = f"{p:g} {model.unit}".rstrip() if given else None
         ax.plot(
@@ -48,7 +47,4 @@ def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
             label=label,
         )
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain", title=f"At each {model.over}")
-    handles, labels = ax.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    ax.legend(list(named.values()), list(named))
     return finish_axes(ax)

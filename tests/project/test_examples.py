@@ -140,7 +140,7 @@ PRINTED = {
         r"stability on every trajectory, for every operator within the weight: proved, rigorous",
         r"grows at \d+\.?\d* m/s: to and fro",
         r"stability on every trajectory: proved, rigorous\n",
-        r"schedule: \d+ um after 0\.8 s",
+        r"schedule: at most 0\.[1-3]\d mm .*\ncontroller of the middle: at most 0\.[4-9]\d mm",
     ],
     "23_learn_from_trial_to_trial": [
         r"friction rig ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
