@@ -308,7 +308,7 @@ def refine_shared_poles(
         J = metric.whiten(response_derivatives(omega, model, direct=direct, stable=stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         # J has far more rows than columns: the triangle of [J residual] has its singular values, and U' residual
-        triangle = np.linalg.qr(np.column_stack([J / scale, residual]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.column_stack([J / scale, residual]), mode="r"))
         U, sizes, Vh = np.linalg.svd(triangle[:, :-1], full_matrices=False)
         along, improved = U.T @ triangle[:, -1], False
         for _ in range(8):
