@@ -56,6 +56,7 @@ def test_on_the_boundary_nothing_is_robust(make, seeds):
         assert report.margins.rs == pytest.approx(1, abs=1e-6) or report.margins.rs < 1
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", range(6))
 def test_a_little_inside_it_still_is(seed):
     systems, blocks = slow_pole(seed)

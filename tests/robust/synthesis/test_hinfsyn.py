@@ -67,6 +67,7 @@ def test_scalar_problem_in_closed_form():
     assert found.gamma_min == pytest.approx(a + np.sqrt(a**2 + 2), rel=1e-8)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("dt", [0, 0.1])
 def test_several_inputs_and_outputs_with_every_direct_term(dt):
     rng = np.random.default_rng(1)

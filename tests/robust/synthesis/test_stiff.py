@@ -29,7 +29,7 @@ def test_the_bound_lies_between_that_of_single_frequencies_and_what_is_reached(G
     assert design.gamma_min <= 100  # of K = 0
 
 
-@pytest.mark.parametrize("seed", [2, 4, *(pytest.param(k, marks=pytest.mark.attack) for k in range(5, 40))])
+@pytest.mark.parametrize("seed", [4, *(pytest.param(k, marks=pytest.mark.attack) for k in (2, *range(5, 40)))])
 def test_no_controller_of_another_kind_reaches_less(seed):
     found = compare_lags(seed)
     assert found["gamma_min"] > 1 - 1e-6

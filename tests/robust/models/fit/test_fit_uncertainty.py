@@ -183,6 +183,7 @@ def test_a_variance_of_one_window_does_not_make_every_order_as_good():
     assert expected_ratio(np.array([0.9])) == expected_ratio(np.array([3.0])) == 1.5
 
 
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize("delay", ["auto", "estimate", 0.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_costs_more_than_one_below(seed, delay):

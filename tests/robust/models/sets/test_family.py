@@ -65,6 +65,7 @@ def test_robust_stability_is_the_condition_of_the_book(form):
     np.testing.assert_allclose(np.linalg.svd(found)[1], np.linalg.svd(W[1].D @ X @ W[0].D)[1], rtol=1e-10)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["output", "inverse-additive", "inverse-output"])
 def test_the_margin_is_where_a_plant_of_the_set_breaks_the_loop(form):
     """The smallest perturbation found breaks the loop just beyond the margin; no plant drawn from the set does."""

@@ -76,7 +76,9 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
     model = robust.uncertainty(frf, fit)
     assert (model.is_single, model.n_inputs, model.confidence) == (False, 2, 0.95)
     assert fit.std == pytest.approx(deviation)
-    with pytest.raises(ValueError, match=r"std must be given with an FRF of 2 inputs and 2 outputs\. Or give nlfrf\.bla_from_frf"):
+    with pytest.raises(
+        ValueError, match=r"std must be given with an FRF of 2 inputs and 2 outputs\. Or give nlfrf\.bla_from_frf"
+    ):
         robust.fit_nominal(frf, n_poles=4)
 
 

@@ -153,6 +153,7 @@ def test_words_are_no_finer_than_the_estimate():
     ]
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
 def test_matrices(form):
     """Means over four sets, each held against 30 matrices it has not seen."""

@@ -78,6 +78,7 @@ def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
         assert np.max(both.normalized_distance(omega, (G + away)[None], G)) <= 1 + 1e-9
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["elements", "additive", "input", "auto"])
 def test_new_sets_at_either_level_are_held(form):
     for rms, seed in ((LOW, 11), (HIGH, 12)):

@@ -149,6 +149,7 @@ def test_a_nominal_of_records_is_found_when_it_is_left_out():
         robust.uncertainty(frm.entry(0, 0))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
 def test_from_a_measured_matrix_to_a_verdict(form):
     frm, truth = stage_frm()

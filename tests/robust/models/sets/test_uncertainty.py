@@ -81,6 +81,7 @@ def test_the_weight_covers_and_the_forms_hold_the_disc(form):
     assert not model.contains(far)
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("form", FORMS)
 def test_samples_lie_inside_and_some_on_the_rim(form):
     model = uncertainty(exact(sigma_distortion=0.05 * SIZE), NOMINAL, form=form, order=4)

@@ -63,6 +63,7 @@ def integrating():
     return made(plant, "input", (rising(0.1), rising(0.1)), (number(1.0), number(1.0)))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", [*SETS, "integrating"])
 def test_weights_of_the_search_are_proved_and_smaller_ones_are_not(form):
     found = sampled_set(SETS[form] if form in SETS else integrating(), 0.02)

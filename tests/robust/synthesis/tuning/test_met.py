@@ -82,6 +82,7 @@ def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
         assert found.n_lines > 0
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_a_light_mode_in_the_weight_of_a_set(form):
     """Issue 67: met at a largest |S| of 1.007 over the set, with plants in it that are unstable in the loop."""
