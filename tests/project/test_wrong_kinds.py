@@ -75,6 +75,7 @@ def things():
         "labels": ["low", "middle", "high"],
         "preset": "belt",
         "errors": np.ones(3),
+        "rate": 1.0,
         "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0)),
     }
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)
