@@ -280,17 +280,22 @@ def with_bound(
         read = replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag))
         plants.append((read, READ if machine is not None else UNCERTIFIED))
     if not plants:
-        return replace(friction, note=f"{friction.note}. No bound with the given force: there is no linear model")
+        return _with_note(friction, "No bound with the given force: there is no linear model")
     for one, whose in plants:
         try:
             bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
         except ValueError as error:  # the delay is too long for the bound
-            return replace(friction, note=f"{friction.note}. No bound: {error}".lstrip(". "))
+            return _with_note(friction, f"No bound: {error}")
         found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
         if np.isfinite(bounded.error_bound):
             return found
-    unknown = replace(friction, note=f"{friction.note}. No bound for the machine as read in motion: {bounded.reason}")
-    return unknown if machine is None else found
+    if machine is None:
+        return _with_note(friction, f"No bound for the machine as read in motion: {bounded.reason}")
+    return found
+
+
+def _with_note(friction: DriveFriction, sentence: str) -> DriveFriction:
+    return replace(friction, note=". ".join(filter(None, [friction.note, sentence])))
 
 
 def _report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
