@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from nlfrf._base.values import value
 from robust.proofs.exact.polynomial_matrices import BITS
 from robust.proofs.exact.scheduled_kyp import ScheduleClaim
-from robust.proofs.exact.trajectories import Trajectory, grows
+from robust.proofs.exact.trajectories import Trajectory, grows, held_loop
 
 _VERTICES = 32  # of a period in continuous time, at least
 _SAMPLES = 200  # in several short periods of a sampled loop
@@ -146,9 +146,7 @@ class _FrozenLoop:
 
     def __init__(self, claim: ScheduleClaim) -> None:
         with ctx.workprec(BITS):
-            loop = claim.loop()
-        if loop is None:
-            raise ValueError("rate must be slow against the modes of the plant within a sample")
+            loop = held_loop(claim)
         self._A, self._B, self._C, self._D = (getattr(loop, name).to_array() for name in "ABCD")
         self._q = loop.blocks[0][0] if claim.weight is not None else 0
         self._plant_states, self.dt = loop.plant_states, loop.dt

@@ -39,7 +39,7 @@ COMMANDS = (
     "robust prove bla.npz bla.npz bla.npz Kc.json --nominal model.json -o {}",
     "robust orders bla.npz --picture {}",
     "robust servo check rec.npz gains.toml -o {}",
-    "robust prove-schedule bla.npz bla.npz --controller Kc.json --at 0,1 --rate 1 --poles 2 --degree 0 --no-limit -o {}",
+    "robust prove-schedule bla.npz bla.npz --controller Kc.json --at 0,1 --rate 1 --poles 2 --degree 0 -o {}",
     "robust learn design narrow.json soft.json -o {}",
     "robust learn design narrow.json soft.json -o other.json --picture {}",
     "robust learn step learning.json added.csv errors.csv -o {}",

@@ -7,6 +7,7 @@ power series in time, whose rest is below that of the scalar equation with norms
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import comb
 
@@ -57,9 +58,7 @@ def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
     if not (np.abs(trajectory.theta).max() <= 1 and abs(trajectory.delta) <= 1):
         return False
     with ctx.workprec(_BITS):
-        loop = claim.loop()
-        if loop is None:
-            return False
+        loop = held_loop(claim)
         flows = (
             _continuous_steps(claim, loop, trajectory)
             if not claim.controller.dt
@@ -73,6 +72,13 @@ def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
                 return True
             period = period * period
     return False
+
+
+def held_loop(claim: ScheduleClaim) -> ScheduledLoop:
+    """Return the loop of a claim with theta held within a sample, which has no block for its motion."""
+    loop = replace(claim, rate=0.0, jumps=True).loop()
+    assert loop is not None  # a motion may be too fast for a bound, a hold is not
+    return loop
 
 
 def _close_loop(loop: ScheduledLoop, theta: float, delta: float, *, weighted: bool) -> tuple[arb_mat, arb_mat]:
