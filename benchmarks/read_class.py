@@ -281,7 +281,7 @@ def cause_of(refusal: str) -> str:
         "differ enough": "low levels alike",
         "span from": "no span",
         "friction slides": "highest level sticks",
-        "Turn the sign": "turned sign",
+        "Reverse the sign": "reversed sign",
         "above the band": "a mode above the band",
     }
     return next((words for part, words in causes.items() if part in refusal), refusal)

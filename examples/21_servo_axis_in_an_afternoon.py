@@ -92,7 +92,7 @@ friction, read_later = after.friction, robust.friction.identify_friction(later, 
 print(f"\n--- at rest, after the friction doubled ---\n{read_later}")
 bound, (proof,) = 1e6 * friction.error_bound, friction.assumed.friction
 grown = read_later.interval("Fs")[1] / friction.largest
-print(f"proved up to K0 = {proof.K0:.4g} N/m and stiction {proof.stiction:g}, whatever the force; in the end at most")
+print(f"proved up to K0 = {proof.K0:.4g} N/m and stiction {proof.stiction:g}, whatever the force; eventually at most")
 print(f"{bound:.3g} um off with the force read before, {bound * grown:.3g} um with that read later")
 
 # %%

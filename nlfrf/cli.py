@@ -495,9 +495,11 @@ def _output_paths(out: Path, outputs: list[str]) -> list[Path]:
     parts = [re.sub(r"[^\w.-]+", "_", name).strip("_") for name in outputs]  # of names of files
     targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
+        twice = next(target for target in targets if targets.count(target) > 1)
+        alike = [repr(name) for name, target in zip(outputs, targets, strict=True) if target == twice]
         raise ValueError(
-            f"--output must be names with different files, got {', '.join(map(repr, outputs))} for "
-            f"{', '.join(target.name for target in dict.fromkeys(targets))}"
+            f"--output must be names that give different files, got {', '.join(alike)}, "
+            f"which give the same file, {twice.name}"
         )
     return targets
 

@@ -113,7 +113,7 @@ def bla_from_frf(
     if f.size == 0 or f[0] <= 0 or np.any(np.diff(f) <= 0):
         raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
-        raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
+        raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}) to match f, got {G.shape}")
     if G.dtype.kind != "c":
         raise ValueError(
             f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have no phase: use "

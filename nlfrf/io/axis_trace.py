@@ -421,7 +421,9 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     for name, turn in turns.items():
         gain, (designed, traced) = gains[name], units[name]
         if abs(turn) > _TURNED:
-            data_warning(f"{name} has the opposite sign of the design: change it, because G would have a negative mass")
+            data_warning(
+                f"{name} has the sign opposite to the design: reverse it in the trace, or G has a negative mass"
+            )
         elif abs(turn) > 180 - _TURNED or (traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR):
             first = f"is it {other}, as u and y differ by one factor" if similar else f"is it another signal, {other}"
             data_warning(

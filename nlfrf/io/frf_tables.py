@@ -76,7 +76,8 @@ def load_frf(
     ----------
     path : path
         A table with frequencies [Hz] or [rad/s] and magnitude (ratio or dB) and phase, or real and imaginary part; a
-        universal file with FRFs; an .npz or .h5 file with a complex array and its frequencies. Columns go by name.
+        universal file with FRFs; an .npz or .h5 file with a complex array and its frequencies. Columns are
+        recognised by their names.
     relative_std : float, optional
         Standard deviation of G over |G|, as a complex number: see `std` of `bla_from_frf`.
     n_averages : float, optional
@@ -85,7 +86,7 @@ def load_frf(
         The FRF to read if the file has several: the common part of the names of its columns, as in "CH2".
     columns : str
         Meaning of the columns, if their names do not show it: "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]". The keys
-        are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in front, a unit in brackets behind.
+        are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in front, a unit in brackets after it.
     hold, fs
         As in `bla_from_frf`.
 
@@ -179,7 +180,7 @@ def _parse_columns(text: str, file: Channels) -> list[_Column]:
         parsed = parse_name(name, unit or file.stated_unit(name))
         if key not in _KEYS or name not in file.arrays or (unit and not suits(_KEYS[key], parse_unit(unit))):
             raise ValueError(
-                f"columns must be {', '.join(_KEYS)}, each with a column and a unit of it, as in 'f=col1 [Hz], "
+                f"columns must be {', '.join(_KEYS)}, each with a column and its unit, as in 'f=col1 [Hz], "
                 f"re=col2 [Ohm], im=-col3 [Ohm]', got {item!r}; the columns of {Path(file.path).name!r} are "
                 + ", ".join(file.arrays)
             )

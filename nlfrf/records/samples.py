@@ -95,7 +95,7 @@ def record_from_samples(
     design : Multisine, optional
         Design that was played. Its lines and period are used, and its phases are the reference, so that neither noise
         on the inputs nor distortion by actuators matters. A zippered design is for open loop and gives no reference.
-        The experiments of a set lie side by side.
+        The experiments of a set follow each other.
     hold : str, optional
         Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default that of the design.
     inputs, outputs : sequence of str
@@ -116,9 +116,9 @@ def record_from_samples(
     Warns
     -----
     DataWarning
-        Periods slightly out of place; a clipped signal; a signal that stands still; silence before and behind the
+        Periods slightly out of place; a clipped signal; a signal that stands still; silence before and after the
         excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
-        hammer; a first period that differs from the others, but not by a transient, which is left out.
+        hammer; a first period that differs from the others for a reason other than a transient: it is left out.
 
     Examples
     --------
@@ -404,12 +404,12 @@ def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
 
 
 def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
-    """Cut, in place, the silence before and behind the excitation, the signal `known`, and warn of it."""
+    """Cut, in place, the silence before and after the excitation, the signal `known`, and warn of it."""
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
         found = [
             f"{n} samples ({n / n_samples:.2g} periods) {where}"
-            for n, where in ((some.start, "before"), (excitation.size - some.stop, "behind"))
+            for n, where in ((some.start, "before"), (excitation.size - some.stop, "after"))
             if n
         ]
         if found:
@@ -511,7 +511,7 @@ def _require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) 
 
 
 def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
-    """Refuse an output without the gap of its input before all sound periods: the delay behind it is unknown."""
+    """Refuse an output without the gap of its input before all sound periods: the delay after it is unknown."""
     first = int(np.argmax(where.sound))
     lost = where.gaps[:first].sum()
     if not lost:
@@ -522,7 +522,7 @@ def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
         of_u, of_y = (f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none" for n in (lost, found))
         raise ValueError(
             f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: the delay of this output "
-            "behind the gap is unknown; measure again"
+            "after the gap is unknown; measure again"
         )
 
 

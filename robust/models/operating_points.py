@@ -137,7 +137,8 @@ def interpolate(
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
     if held_out > 1:
         data_warning(
-            f"a left-out point lies at {held_out:.2g} times the weight: more operating points, or another degree",
+            f"a left-out operating point deviates from the model of the others by {held_out:.2g} times the weight: "
+            "add operating points, or change the degree",
             DesignWarning,
         )
     return replace(plant, weight=weight, held_out=held_out)

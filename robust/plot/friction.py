@@ -168,6 +168,6 @@ def plot_rest(
     ax.set_yticks([])
     ax.set_ylim(-0.7, len(cases) - 0.5)
     ax.invert_yaxis()
-    ax.set(xscale="log", xlim=(low, high), xlabel=f"largest distance from the set point in the end [µ{unit}]")
-    ax.set_title("Distance from the set point in the end")
+    ax.set(xscale="log", xlim=(low, high), xlabel=f"largest final distance from the set point [µ{unit}]")
+    ax.set_title("Final distance from the set point")
     return finish_axes(ax)

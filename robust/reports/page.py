@@ -62,7 +62,7 @@ def write_report(
     record : nlfrf.Record or list of them, optional
         The record behind the BLA.
     nominal : NominalFit, optional
-        The fit behind the nominal plant, for its cost.
+        The fit that gave the nominal plant; the file shows its cost.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight of the loop.
     delay : float
@@ -117,7 +117,9 @@ def write_report(
     ):
         require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
-        raise ValueError("friction must be left out for several channels: the proof takes a single loop only, got one")
+        raise ValueError(
+            "friction must be left out for several channels: the proof takes a single loop only, got a FrictionProof"
+        )
     blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may have newer warnings than the file of the model
     known: list[Record | Bla | NominalFit] = [*records, *blas, *_as_list(nominal)]

@@ -136,7 +136,7 @@ def _pictures_of_friction(found: DriveCheck, at_rest: dict[str, Record]) -> list
         caption = "Stiffness and damping of the friction over the motion, measured and for the class that was read."
         pictures.append(draw_picture(caption, plot_friction_fit, fit, tall=True))
     if cases := _rest_cases(found):
-        unit, caption = found.settings.base_unit, "Largest distance from the set point in the end, at rest or hunting."
+        unit, caption = found.settings.base_unit, "Largest final distance from the set point, at rest or hunting."
         pictures.append(draw_picture(caption, plot_rest, cases, unit=unit, asked=found.asked))
     return pictures
 

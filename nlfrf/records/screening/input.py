@@ -250,7 +250,9 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
     """
     n, n_periods = where.n_samples, where.delay.size
     if not where.sound.any():
-        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none: {where.fault}")
+        raise ValueError(
+            f"u must hold at least one whole period of {n} samples without a fault, got none: {where.fault}"
+        )
     j = np.arange(n_periods)
     curve = where.pace  # a straight line has less noise than single delays
     if where.drifts:
@@ -269,7 +271,7 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
             rows.append(interpolate_bandlimited(x, at))
             kept.append(period)
     if not rows:
-        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none")
+        raise ValueError(f"u must hold at least one whole period of {n} samples without a fault, got none")
     return np.array(rows), np.array(kept)
 
 

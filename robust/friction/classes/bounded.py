@@ -75,12 +75,12 @@ class Bounded(FrictionClass):
         return self.Fs
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
-        """Return the largest distance from rest in the end; nan if none is known."""
+        """Return the largest final distance from rest; nan if none is known."""
         return bound_of_ports(loop, forces, self.bristle_time)
 
     def describe_proved(self, proof: FrictionProof) -> str:
         """Return the distance from rest, in words."""
-        return f"Stays within {proof.error_bound:.3g} {proof.units.position} of rest in the end"
+        return f"Eventually stays within {proof.error_bound:.3g} {proof.units.position} of rest"
 
     def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
         """Return "proved" if the bound is finite: not on the stability boundary, nor if it takes too long."""

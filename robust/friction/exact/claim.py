@@ -87,7 +87,7 @@ class FrictionClaim:
                 "other shapes"
             )
         if size > 2 and not (self.actuator is None and all(port.joins_ports for port in self.ports)):
-            raise ValueError("ports must be one except for Maxwell slip without an actuator, got several")
+            raise ValueError("ports must each be Maxwell slip, and actuator None, with several ports, got others")
         n = self.V.shape[0]
         if (self.V.shape, self.P.shape) != ((n, n), (*self.P.shape[:2], n, n)):
             raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")

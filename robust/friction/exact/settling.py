@@ -19,7 +19,7 @@ class Settling:
 
     decay: float  # lambda [1/s] in V' + 2 lambda V <= r^2
     Fs: np.ndarray  # (P,) largest friction force at each port [N]
-    error: float  # bound of the displacement at every port in the end [m]
+    error: float  # bound of the final displacement at every port [m]
     # (P,) w_p in V' + 2 lambda V <= sum w_p r_p^2; the rests are relative to the largest of them
     rest_weights: np.ndarray
 

@@ -437,7 +437,7 @@ def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> 
     if all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
         raise ValueError(
             f"blas must be from force to position, got a mass of {fits[0].mass:.3g} {units.mass}: the output "
-            "falls when the input rises. Turn the sign of the sensor"
+            "falls when the input rises. Reverse the sign of the sensor"
         )
     tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
     worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)

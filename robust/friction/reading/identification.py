@@ -150,7 +150,7 @@ class LevelBalance:
     unexplained : float
         Rms of the force that the fit does not explain, beyond noise, over the force or Fs, whichever is larger.
     noise : float
-        Rms of the force that noise explains, over the same.
+        Rms of the force that noise explains, divided by the same quantity as `unexplained`.
 
     References
     ----------
@@ -182,8 +182,8 @@ class FrictionFit(NumbersRead):
     mass, damping, stiffness : float
         m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); for motor and load together.
     K0, Fs, coulomb, stiction : float
-        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force at speed [N], and
-        ratio of the two forces.
+        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force at speed [N],
+        and stiction, the ratio Fs/coulomb.
     vs : float
         Stribeck velocity at the motor [m/s]; infinite if no stiction is seen.
     delay, lag : float
@@ -558,8 +558,9 @@ def identify_friction(
     masses : int
         1, or 2 for a motor and a load.
     sliding : SlidingFit, optional
-        Motor and load from `identify_sliding`. The search starts from them. Lines on which the step of the encoder
-        makes much of the force, as around the antiresonance, are left out. Without it all lines count equally.
+        Motor and load from `identify_sliding`. The search starts from them. Lines on which a large part of the
+        force comes from the encoder step, as around the antiresonance, are left out. Without it all lines count
+        equally.
 
     Returns
     -------
@@ -610,7 +611,7 @@ def identify_friction(
     if not starts[0].numbers["mass"] > 0:
         raise ValueError(
             f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g} kg: the output "
-            "falls when the input rises. Turn the sign of the sensor"
+            "falls when the input rises. Reverse the sign of the sensor"
         )
     known = machine is not None
     # the other starts are guesses of the machine

@@ -156,7 +156,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     if not mass > 0:
         raise ValueError(
             f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls when the input "
-            "rises. Turn the sign of the sensor"
+            "rises. Reverse the sign of the sensor"
         )
     slopes = np.array([[one[i]["damping"] for one in fits] for i in (0, 1)])
     found, spread, misfit = _fit_forces(speeds, _mean_forces(records), slopes)

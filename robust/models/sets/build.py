@@ -372,7 +372,9 @@ def _block_set(
         budget = {name: part for name, part in parts.items() if np.isfinite(part).any()}
     else:
         if spec.systematic is not None:
-            raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
+            raise ValueError(
+                f'systematic must be left out unless form is "elements", got {spec.systematic:g} with {form}'
+            )
         omega, radius = block_radius(frms, models, spec=spec, form=form)
         n, budget = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
     G = nominal_response(nominal, omega).reshape(nominal.noutputs, nominal.ninputs, -1)

@@ -66,7 +66,7 @@ def make_set_of_plants(
     if not lift < MAX_LIFT:
         raise ValueError(
             f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
-            f"nominal as the weight reaches, {form} form: give it as an FRF, or another form or order"
+            f"nominal as the weight reaches, {form} form: give this plant as an FRF, or choose another form or order"
         )
     weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
     return UncertaintyModel(

@@ -140,7 +140,7 @@ class IntervalClaim:
         sizes = require_blocks(self.system, self.blocks, self.level)
         n = self.system.order
         if not n:
-            raise ValueError("system must have states for intervals of the frequency, got none")
+            raise ValueError("system must have states for a proof by frequency intervals, got none")
         if self.cuts.shape != (len(self.pieces) - 1,) or not _is_increasing(self.cuts):
             raise ValueError(f"cuts must be one fewer than pieces, positive and increasing, got {self.cuts}")
         wanted = [(self.stability, n), (self.T, n)]

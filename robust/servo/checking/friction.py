@@ -48,7 +48,7 @@ _STIFFNESS_NOTE = (
 )
 #: Meaning of a bound with a given force if no class of friction was read.
 _BOUNDED_NOTE = (
-    "the bound is the largest distance from rest in the end, at rest or hunting, with the largest friction force at "
+    "the bound is the largest final distance from rest, at rest or hunting, with the largest friction force at "
     "the motor or at the load, whichever is worse; whether the axis comes to rest is not judged"
 )
 #: Machines of such a bound.
@@ -134,7 +134,7 @@ class DriveFriction:
 
     @property
     def within(self) -> float:
-        """Proved largest distance from rest in the end [m] or [rad]; zero if the axis rests, nan if unknown."""
+        """Proved largest final distance from rest [m] or [rad]; zero if the axis rests, nan if unknown."""
         if self.proved:
             return 0.0
         known = [self.error_bound, *(proof.settling_error for proof in self.proofs[:1])]
@@ -220,7 +220,7 @@ class DriveFriction:
         return rest
 
     def describe_distance(self, unit: str, asked: float | None) -> str:
-        """Return the largest distance from rest in the end as text, and whether it meets the required distance."""
+        """Return the largest final distance from rest as text, and whether it meets the required distance."""
         known = self.error_bound if self.proved and not self.has_integral else self.within
         distance, answer = f"at most {format_length(known, unit)} off, at rest or hunting: proved", ""
         if self.proved and self.has_integral:

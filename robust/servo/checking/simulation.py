@@ -136,7 +136,7 @@ class SimulatedRest:
         if not np.isfinite(self.offset):
             return ""
         far = format_length(max(self.offset, SHOWN), self.unit)
-        return f"; in the end {'less than' if self.offset < SHOWN else 'at most'} {far} off the set point"
+        return f"; eventually {'less than' if self.offset < SHOWN else 'at most'} {far} off the set point"
 
     def describe_swing(self) -> str:
         """Return amplitude and period of the hunting as text."""

@@ -159,7 +159,8 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
     if square < -1e-9 * n1**2:
         raise ValueError(
             "K must have two real zeros to be a cascade, one for the position loop and one for the reset of the "
-            "velocity loop: n1^2 >= 4 n0 n2 (for a PID (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd)), got 4 n0 n2 at "
+            "velocity loop: n1^2 >= 4 n0 n2, with K p (1 - b q) = n0 + n1 p + n2 p^2, "
+            "p = 1 - q, q = 1/z (for a PID (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd)), got 4 n0 n2 at "
             f"{4 * n0 * n2 / n1**2:.4g} times n1^2. Lower the integral gain, or design a PD with a fixed PI in series, "
             "which has real zeros"
         )

@@ -132,8 +132,9 @@ def warn_of_slow_position_loop(settings: Drive) -> None:
     """Warn that K is an approximation where the position loop runs slower than the velocity loop."""
     if settings.position_every > 1:
         warnings.warn(
-            f"the position loop runs once in {settings.position_every} periods of the velocity loop, and K is its mean "
-            "over these phases: every verdict on K holds for this approximation and not for the drive. Set "
+            f"the position loop runs once in {settings.position_every} periods of the velocity loop, and K is the "
+            f"mean over the {settings.position_every} possible shifts between the two clocks: "
+            "every verdict on K holds for this approximation and not for the drive. Set "
             "position_every to 1 for a proof",
             DesignWarning,
             stacklevel=3,

@@ -172,7 +172,9 @@ def _measured_lines(
         omega, G, form, w, *_ = parts_on_lines(plant)
     w = np.nan_to_num(np.abs(w))
     if dt and omega[-1] * dt >= np.pi:
-        raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
+        raise ValueError(
+            f"dt must put the Nyquist frequency above the highest line, {format_hertz(omega[-1])}, got {dt:g} s"
+        )
     G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
     radius, n, band = relative_radius(form, w, np.abs(G)) * np.abs(G), omega.size, (float(omega[0]), float(omega[-1]))
     readings = read_below(omega, G, radius, n_unstable=known.n_unstable, n_integrators=known.n_integrators)

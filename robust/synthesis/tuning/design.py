@@ -201,7 +201,10 @@ class TunedDesign:
             raise ValueError(f"plant must be below {len(self.plant.models)}, got {plant}")
         seen = see_plants(self.plant, self.dt, delay=self.delay, worst=False)[plant]
         if isinstance(seen, MeasuredPlant):
-            raise ValueError("plant must be a system or a model for its loop as one system, got an FRF")
+            raise ValueError(
+                "plant must be the index of a system or a model, because a loop around an FRF is not one system, got "
+                "an FRF"
+            )
         G = seen.system
         G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False)
         return self.joined((with_names(G, self.plant.inputs, self.plant.outputs),), inputs, outputs)

@@ -142,12 +142,12 @@ def test_the_velocity_in_place_of_the_position(at_rest, in_motion):
 
 
 def test_a_wrong_sign(run):
-    with pytest.warns(DataWarning, match="u has the opposite sign of the design"):
+    with pytest.warns(DataWarning, match="u has the sign opposite to the design"):
         run.read(change={FORCE: -1})
 
 
 def test_a_wrong_sign_of_the_position(at_rest, in_motion):
-    with pytest.warns(DataWarning, match="y has the opposite sign of the design"):
+    with pytest.warns(DataWarning, match="y has the sign opposite to the design"):
         at_rest.read(change={POSITION: -1})
     with pytest.raises(
         ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got -0\.15: turn its sign"

@@ -522,7 +522,7 @@ def test_what_makes_no_fit_is_refused():
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
         robust.friction.identify_friction(records, masses=3)
     turned = [replace(record, y=-record.y) for record in records]
-    with pytest.raises(ValueError, match=r"the output falls when the input rises\. Turn the sign of the sensor"):
+    with pytest.raises(ValueError, match=r"the output falls when the input rises\. Reverse the sign of the sensor"):
         robust.friction.identify_friction(turned)
     scaled = [replace(record, output_units=("mm",), input_units=("N",)) for record in records]
     with pytest.raises(ValueError, match="records must be in m/N"):

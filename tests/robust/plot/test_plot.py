@@ -150,7 +150,7 @@ def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):
     texts = notes(ax)
     assert texts[::2] == [case.name for case in cases]
     assert texts[1::2] == ["20 um", "50 um", "at the set point", "no bound known"]
-    assert ax.get_xlabel() == "largest distance from the set point in the end [µm]"
+    assert ax.get_xlabel() == "largest final distance from the set point [µm]"
     with pytest.raises(ValueError, match="cases must be a list of at least one RestCase, got"):
         pictures.plot_rest([])
 

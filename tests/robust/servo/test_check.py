@@ -187,7 +187,7 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
         plant, cascade(settings, output_unit="N"), robust.friction.Bounded(26.0), delay=settings.delay
     )
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
-    assert re.search(r"Stays within \S+ m of rest in the end with every friction of at most 26 N", page)
+    assert re.search(r"Eventually stays within \S+ m of rest with every friction of at most 26 N", page)
     assert "proved: Stays" not in page  # whether it comes to rest is not judged
     code, _, refused = run("motion-trace.csv gains.toml --design motion.npz --force 0")
     assert (code, "--force must be positive" in refused) == (2, True)

@@ -93,7 +93,7 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
         ),
         (
             lambda: [level(-80e3, 2.0, m=-1), level(-143e3, 0.1, m=-1), level(-144e3, 0.03, m=-1)],
-            "a mass of -1 kg: the output falls when the input rises. Turn the sign of the sensor",
+            "a mass of -1 kg: the output falls when the input rises. Reverse the sign of the sensor",
         ),
     ],
 )

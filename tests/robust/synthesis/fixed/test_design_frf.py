@@ -336,7 +336,10 @@ def test_pid_from_one_record():
         (lambda: design_frf([], "PI", M_S=2), "empty list"),
         (lambda: design_frf(BOOK, "PI", M_S=-1.0), "M_S must be positive"),
         (lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, omega_c=1e5), "omega_c must lie within the lines"),
-        (lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, dt=1.0), "dt must put Nyquist above the lines"),
+        (
+            lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, dt=1.0),
+            "dt must put the Nyquist frequency above the highest line",
+        ),
         (lambda: design_frf(sampled(control.ss(BOOK), 0.1), "PI", M_S=2, dt=0.2), "dt must be one sampling time"),
         (lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([-50], [1, 0])), "start must stabilise the plant"),
         (lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([1], [1, 1, 1])), "start must have the structure"),
