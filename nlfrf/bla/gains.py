@@ -38,9 +38,10 @@ def singular_values(
     low, high : (n, F) ndarray
         Bounds for every matrix of the set of `Bla.block`: on a line all hold together with `confidence`. If low of the
         weakest direction is zero, the set may contain a matrix of lower rank: that direction is not measured.
-        With G = U diag(sigma) V^H and G + E, E = left Delta right, every sigma_i of G + E lies between sigma_i
-        (1 - |S^-a U_i^H left| |right V_i S^(a-1)|), with the first i directions and the best of a = 0, 1/2, 1, and
-        sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with the directions from i on.
+        They bound sigma_i of G + E, with G = U diag(sigma) V^H, E = left Delta right, S = diag(sigma). Lower bound:
+        sigma_i (1 - |S^-a U_i^H left| |right V_i S^(a-1)|), with U_i, V_i the first i directions and the best a of 0,
+        1/2, 1. Upper bound: sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with U_i', V_i'
+        the directions from i on.
 
     Raises
     ------
@@ -142,7 +143,8 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     (n_y, n_u, F) ndarray
         To first order in the covariance of G: d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G), and
         dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero for a square matrix. For
-        any other an error may lie along a line, so the larger quantile of a real number is used.
+        a matrix that is not square, the error may lie along a line in the complex plane; so the quantile of a real
+        number, which is larger, is used.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Multisines to and from files, and to play."""
+"""Multisines: read from files, written to files, and written as signals to play."""
 
 from __future__ import annotations
 

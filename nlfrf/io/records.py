@@ -455,8 +455,8 @@ def load_record(
         ``matrix.2`` for a column, ``col2`` for a table without a header; by default "u" and "y". A list of inputs
         gives one record of all channels, with one file per experiment. One input and a list of names for `y` give a
         list of records that share the input. For a record with several channels that `save_record` wrote, `u` may be
-        left out, and `y` chooses outputs; several such files give the experiments of all. Such a record keeps its
-        reference if `r` is not given.
+        left out, and `y` chooses outputs; several such files give one record with the experiments of all files. Such a
+        record keeps its reference if `r` is not given.
     fs : float, optional
         Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate stated for a channel,
         or a time channel (in seconds, or in the unit in its name or in a row of units).
@@ -474,7 +474,7 @@ def load_record(
     hold : str, optional
         Input between its samples, "zoh" or "band-limited"; see `Record`. By default from the file or the design.
     start, stop : float, or a list of them, optional
-        Parts of each file [s], from its first row on: each is a realisation.
+        Parts of each file, in seconds after its first row: each is a realisation.
 
     Returns
     -------
@@ -493,7 +493,7 @@ def load_record(
     -----
     DataWarning
         A given sampling frequency that is not that of the file; a time channel without a unit, or with lost rows: the
-        periods that are whole by their times are kept.
+        periods that are complete according to their time stamps are kept.
 
     Examples
     --------

@@ -58,7 +58,7 @@ class RobustnessReport(Findings):
         Form of the uncertainty. For several channels: the form with the strongest result. Empty for an
         `UncertainSystem`.
     reason, advice : str
-        Reason of the verdict; the limit of the margin, with what to measure or change next.
+        Reason of the verdict; what limits the margin, with what to measure or change next.
     proved, not_proved : str
         One sentence each.
     context : str

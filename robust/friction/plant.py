@@ -117,7 +117,8 @@ def friction_plant(
     mass : float or control.StateSpace
         Mass [kg]; or a continuous model from force [N] to position [m], with the friction where the force acts; or,
         with `port`, a model with several inputs and outputs. A Padé approximation in a model without `port` is replaced
-        by the exact delay: no machine has its zeros in the right half-plane, and no proof is found for them.
+        by the exact delay: no machine has the right half-plane zeros of the approximation, and no
+        proof is found for them.
     stiffness : float, optional
         Stiffness of the spring to ground [N/m]; zero for a free mass. Not given with a model.
     damping : float

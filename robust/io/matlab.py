@@ -38,14 +38,16 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     Parameters
     ----------
     content : UncertaintyModel, RobustnessReport or a controller
-        Content to write; for a report the proofs by "scaled KYP", with P, the scalings and their loop.
+        Content to write; for a report the proofs by "scaled KYP" and "generalised KYP", with their loop: P and the
+        scalings, for each interval also Q.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
 
     Raises
     ------
     ValueError
-        A path that does not end in .mat; a file with the name of the loader that is not one; a report without a proof.
+        A path that does not end in .mat; a file that has the name of the loader but is not a
+        loader; a report without a proof.
     FileNotFoundError
         A folder that does not exist.
 

@@ -182,8 +182,9 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
     Returns
     -------
     PidGains, or a tuple of them, one a loop, for several channels
-        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below some 1e-14 of the
-        numbers that contain it (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
+        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below about 1e-14 of
+        the terms to which it is added (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is already lost to rounding in K, and is
+        returned as zero.
 
     Raises
     ------

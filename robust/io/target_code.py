@@ -87,7 +87,7 @@ def export_structured_text(
     K : control.StateSpace or TransferFunction
         Discrete controller with one input and one output.
     path : path
-        The ``.st`` file; the name of the block is FB_ and that of the file.
+        The ``.st`` file; the name of the block is FB_ followed by the name of the file.
     dtype : str
         "float32" for REAL, "float64" for LREAL.
     limit, unit

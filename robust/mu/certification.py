@@ -50,13 +50,15 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
         If mu < level everywhere, the loop is stable for every stable linear perturbation of the structure with a gain
         of at most 1/level (with a block for performance: and its gain stays below the level).
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; if it is not given, first one, then the other.
+        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; by default CLARABEL, then SCS, after a
+        scaling without a solver.
 
     Returns
     -------
     Certificate
         If it does not hold, its reason is: the system is not stable, the upper bound reaches the level at a frequency,
-        or too many intervals, with the open one. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
+        or there are too many intervals, or too narrow ones; the reason names one that is
+        still open. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
         "scaled KYP" (one scaling) or "generalised KYP" (one for each interval) is exact over the rationals, and
         `verify` repeats it. A proof by "scalings, each where it holds" is exact too, but `verify` cannot repeat it.
 

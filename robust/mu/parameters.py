@@ -75,7 +75,9 @@ class ParameterMargin:
 def parameter_margin(
     N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, max_boxes: int = MOST_BOXES
 ) -> ParameterMargin:
-    """Find the largest box of real parameters, to a given gap: proved on every part of the box, unstable just above.
+    """Find the largest box of real parameters on which the loop is proved stable, to a given relative gap.
+
+    A box larger by this gap contains an unstable loop; if that was not shown, `met` is False.
 
     Use this for physical parameters with tolerances, for which complex perturbations would be too conservative.
     Parameters

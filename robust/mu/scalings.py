@@ -37,7 +37,8 @@ class MuBound:
     value : (W,) ndarray
         The bound, recomputed from the scaling or from the perturbation.
     scaling : (D_L, D_R, G) or None
-        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W); G of D_L N D_R^-1.
+        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W). G belongs to the
+        scaled matrix D_L N D_R^-1.
     delta : (n_in, n_out, W) ndarray or None
         For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan if none was found.
 

@@ -47,7 +47,7 @@ class Reduction:
         frequencies) or residualised (exact at zero); "not reduced" otherwise.
     kept : bool
         True if the check of K proves all that the check of the given controller proves.
-    report, before : RobustnessReport or RobustnessReport
+    report, before : RobustnessReport
         Reports on the reduced and on the given controller.
     reason : str
         Reason why the order is not lower, or the property that was lost.
@@ -113,9 +113,10 @@ def reduce_controller(
 
     Use this before you put a controller of high order on a target.
 
-    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S behind the error of
-    K), and from truncation of the coprime factors of K, each truncated and residualised. From the lowest order on the
-    best one is checked in full, until one keeps the verdict, and robust performance if that was proved. Without a
+    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S after the error of
+    K), and from truncation of the coprime factors of K, each truncated and residualised. Starting at the lowest
+    order, the best candidate of each order is checked in full until one keeps the verdict, and robust performance if
+    that was proved. Without a
     proved performance K = 0 would keep the verdict on a stable plant: then max |T_r - T| must stay below 0.1 too.
 
     Parameters

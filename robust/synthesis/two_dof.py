@@ -108,8 +108,8 @@ def prefilter(
     K : control.StateSpace, TransferFunction
         Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. A continuous one goes through the bilinear map onto a sampled
-        loop. For several channels a square matrix, or one transfer function for every output.
+        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref is converted by the
+        bilinear map. For several channels a square matrix, or one transfer function for every output.
     effort : float
         Weight on F against the error.
     delay : float
@@ -309,8 +309,8 @@ def feedforward_filter(
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback from T_ref r - y; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. A continuous one goes through the bilinear map onto a sampled
-        loop.
+        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref is converted by the
+        bilinear map.
     effort : float
         Weight on F against the error, in units of error over those of u.
     delay : float

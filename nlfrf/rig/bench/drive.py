@@ -85,8 +85,8 @@ class Drive:
         Unit of the measured position; `load_unit` for the load with two encoders: "m", "mm", "um", "rad", "deg",
         "rev", or any other ("counts") with its factor. By default that of `kp_unit`, m or rad.
     unit_factor, load_factor : float
-        Units of the velocity loop (m or rad) per `position_unit`, per `load_unit`. Needed if they are not multiples of
-        each other: rad of a motor behind a screw for a position in mm, counts.
+        Number of velocity-loop units (m or rad) in one `position_unit`, and in one `load_unit`. Needed if the two units
+        are not multiples of each other, as rad at a motor and mm after its screw, or counts.
     assumed : tuple of str
         Settings at their defaults because they were not given; printed as assumed.
 
@@ -221,7 +221,7 @@ class Drive:
     def __str__(self) -> str:
         period = 1e3 / self.fs
         reset = "no integral part" if np.isinf(self.tn) else f"tn = {1e3 * self.tn:.6g} ms"
-        smoothed = f" behind a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms" if self.velocity_lag else ""
+        smoothed = f" after a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms" if self.velocity_lag else ""
         velocity = (
             f"an observer of {self.observer_frequency:g} Hz"
             if self.velocity_from == "observer"

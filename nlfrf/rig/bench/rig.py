@@ -200,7 +200,9 @@ class Rig:
 
 
 def paper_rig() -> Rig:
-    """Return the rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
+    """Return the rig of the paper: 1 kg on 80 kN/m with Leuven friction.
+
+    Its resonance is near 59 Hz in small motions, near 45 Hz in large ones.
 
     Returns
     -------

@@ -489,8 +489,9 @@ def servo_axis(preset: str) -> ServoAxis:
     Parameters
     ----------
     preset : str
-        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, 47 and 83 Hz. "ball screw": 233 and 150 kg,
-        116 and 149 Hz. "joint": a robot joint with a harmonic drive, 0.52 and 1.5 kg m^2, 16 and 32 Hz.
+        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, antiresonance 47 Hz, resonance 83 Hz.
+        "ball screw": 233 and 150 kg, antiresonance 116 Hz, resonance 149 Hz. "joint": a robot joint with a harmonic
+        drive, 0.52 and 1.5 kg m^2, antiresonance 16 Hz, resonance 32 Hz.
 
     Returns
     -------

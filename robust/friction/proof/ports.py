@@ -76,7 +76,7 @@ def weights_of_ports(
 
 
 def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float = 0.0) -> float:
-    """Return the largest distance of any port from rest in the end with any friction up to these forces; or nan.
+    """Return the largest distance of any port from rest that remains with any friction up to these forces; or nan.
 
     Bristles with damping make the friction s + tau s' with a bounded s. After integration by parts s' enters through
     F B as s enters through B, unless a sample sees B at once. The bound is convex in tau, so it is largest at one end.

@@ -123,7 +123,7 @@ class FrictionClass(ABC):
         return Fs
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
-        """Return the largest distance from rest in the end, with any friction up to these forces; nan if unknown."""
+        """Return the bound of the final distance from rest, with any friction up to these forces; nan if unknown."""
         return bound_of_ports(loop, forces)
 
     def describe_proved(self, proof: FrictionProof) -> str:
@@ -148,7 +148,7 @@ class FrictionProof:
         "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
         to rest, with integral action at its set point. "refuted": a named member of the class makes the loop unstable.
         This concerns the class and not the machine: its friction may be another member. "settles": rest is not decided,
-        but with every friction of the class of at most Fs the position stays within `settling_error` in the end.
+        but with every friction of the class of at most Fs the position finally stays within `settling_error`.
         "not decided": none of these.
     claim, not_claimed, reason : str
         What is proved, in one sentence; what is not proved; the reason for the verdict.
@@ -160,18 +160,20 @@ class FrictionProof:
         Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts outside the stable
         region. For several ports: a tuple with one stiffness each.
     error_bound : float
-        Largest distance of the position from rest in the end with any friction of at most Fs [m] (for several ports: of
-        each displacement there). nan if no Fs was given, if the sliding loop is not stable, or if its modes are too
-        fast for its clock or too slow to compute.
+        Bound [m] of the distance from rest within which the position finally stays, with any friction of at most Fs
+        (for several ports: of each displacement there). nan if no Fs was given, if the sliding loop is not stable, or
+        if its modes are too fast for its clock or too slow to compute.
     settling_error : float
-        Largest distance of the position from rest in the end with every friction of the class of at most Fs [m]: the
-        smaller of a bound for the class, which `certificate.verify()` proves over the rationals, and `error_bound`,
-        which is computed in floating point. nan if no Fs was given, if the loop comes to rest, or if there is none.
+        Bound [m] of the distance from rest within which the position finally stays, with every friction of the class of
+        at most Fs: the smaller of a bound for the class, which `certificate.verify()` proves over the rationals, and
+        `error_bound`, which is computed in floating point. nan if no Fs was given, if the loop comes to rest, or
+        if there is none.
     kick_sure : float
         Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no Fs was given, if the
         sliding loop is stable, or if none was found.
     certificate : Certificate or None
-        The judged certificate, if there is one; `certificate.verify()` proves it again over the rationals.
+        The certificate on which the verdict is based, if there is one; `certificate.verify()` proves it again over
+        the rationals.
     saturation : float
         Largest force of the actuator [N]; infinite if none was given.
     kick : float
@@ -234,7 +236,7 @@ class FrictionProof:
             Fact(
                 "any friction",
                 format_length(self.error_bound, self.units.position) if bounded else "",
-                meaning="largest distance in the end, at rest or hunting, up to the given force; proportional to it",
+                meaning="largest final distance, at rest or hunting, up to the given force; proportional to it",
             ),
             Fact("runs away", kick if np.isfinite(self.kick_sure) else ""),
             Fact("not claimed", self.not_claimed),

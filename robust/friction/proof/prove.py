@@ -63,8 +63,9 @@ def prove_friction(
         `kick_sure`, an initial velocity from which the loop diverges.
     saturation : float, optional
         Largest force of the actuator [N]. It must exceed Fs, which must then be given. The proof is then for the loop
-        with a saturated actuator: from every state, or up to an initial velocity. For one port and `MaxwellSlip`;
-        `Bristle` gives only the velocity up to which the actuator does not saturate. K has no anti-windup.
+        with a saturated actuator: from every state, or up to an initial velocity. Available for one port with
+        `MaxwellSlip`. With `Bristle` the proof gives only the velocity up to which the actuator does not saturate. K
+        has no anti-windup.
 
     Returns
     -------
@@ -75,8 +76,8 @@ def prove_friction(
     ------
     ValueError
         Not a friction plant, not a class of friction, a controller that is not proper, a delay with a continuous
-        controller, an `Fs` that differs from that of `Bounded`, or a saturation of at most Fs or with another
-        class.
+        controller, an `Fs` that differs from that of `Bounded`, a saturation that does not exceed Fs, or a
+        saturation with another class.
 
     References
     ----------

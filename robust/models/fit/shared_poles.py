@@ -2,8 +2,9 @@
 
     G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
 
-minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2, with the error of the class of models beside that
-scatter as in `robust.models.fit.class_error`. All entries of a machine share its poles, and a mode has one shape:
+minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. On line k, C_k (n_y, n_y) and gamma_k (n_u, n_u)
+are the covariance of the scatter of G at its outputs and at its inputs. The error of the class of models is added to it
+as in `robust.models.fit.class_error`. All entries of a machine share its poles, and a mode has one shape:
 residues have rank one, and n poles make n states, not n n_u. The start is vector fitting with poles shared by all
 entries and residues cut to their rank. Then follows Levenberg-Marquardt on p, C and B, with least-norm steps, because
 C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).

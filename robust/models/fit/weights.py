@@ -195,8 +195,8 @@ def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
 
     Use this for a delay that the nominal model leaves out.
 
-    Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The book's rational weights touch
-    the exact radius from below in places; here they are lifted until they cover it.
+    Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The rational weights of SP 7.4.5 do
+    not cover the exact radius everywhere; here they are lifted until they cover it.
 
     Parameters
     ----------
@@ -445,8 +445,8 @@ def fit_weight(
     dt : float
         0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
     importance : (W,) ndarray, optional
-        Weight of a decibel of excess at each frequency, for example |T| of the intended loop; uniform by default, and
-        nowhere less than a tenth of the largest. The covered radius does not depend on it.
+        Weight of a decibel of excess at each frequency, for example |T| of the intended loop; uniform by default; a
+        value below a tenth of the largest counts as a tenth. The covered radius does not depend on it.
 
     Returns
     -------

@@ -167,7 +167,9 @@ def choose_form(
     omega_B: float,
     weights: str = DIAGONAL,
 ) -> _FormRanking:
-    """Rank the forms of uncertainty for a family of plants by their demand on a loop of given bandwidth.
+    """Rank the forms of uncertainty for a family of plants by how much each demands of a loop.
+
+    The loop has a given bandwidth. The form that demands least comes first.
 
     Use this before `uncertainty` if you do not know where the uncertainty of a plant with several channels acts.
 

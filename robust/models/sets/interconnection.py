@@ -189,7 +189,8 @@ def interconnection(
     ----------
     systems : list of control.StateSpace or TransferFunction
         Systems with named inputs and outputs (`control.ss(..., inputs=, outputs=)`, `control.summing_junction`). Every
-        input is the sum of the outputs of its name, of the blocks that drive it and of the external input of its name.
+        input is the sum of the outputs with the same name, of the blocks that drive it and of the external input with
+        the same name.
     blocks : dict of str to Block
         The perturbations, by name.
     inputs, outputs : str or list of str

@@ -1,10 +1,12 @@
 r"""The claim of a learning filter: its factor per trial stays below a level at every frequency, for a whole set.
 
-With J = G S from u to y, r the relative radius of the set (|w|, |w/G|, all aliases included) and L = F/J,
+J = G S is the nominal loop from u to y, r the relative radius of the set (|w|, |w/G|, all aliases included). Over the
+set J_p/J is a disc with centre c and radius rho. The learning filter is L = F/J with any F, so its factor |1 - L J_p|
+is at most |1 - F c| + |F| rho. The least of this over F is rho/|c| if that is below one:
 
-    x = r |S| / |1 - r^2 T*|       inverse forms: x = |b|
+    x = rho/|c| = r |S| / |1 - r^2 T*|       inverse forms: x = |b|
 
-is the least of |1 - F c| + |F| rho over F. It grows with r as long as r |T| < 1, so an upper bound of r gives one of x.
+It grows with r as long as r |T| < 1, so an upper bound of r gives one of x.
 The claim |Q| f(x) < level, with f as in `LearningClaim`, is x < X on an interval with a largest |Q|. This is a
 polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
 """

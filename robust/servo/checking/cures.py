@@ -34,7 +34,7 @@ class FrictionCure:
     verdict : FrictionVerdict
         Verdict with the change.
     error : float
-        Largest distance from the set point in the end [m] or [rad], at rest or hunting, with every friction of the
+        Largest final distance from the set point [m] or [rad], at rest or hunting, with every friction of the
         class up to the force Fs; infinite if no bound is known.
     unit : str
         Unit of the error.

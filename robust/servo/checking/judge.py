@@ -93,7 +93,7 @@ def check(
     conditions : sequence of Conditions
         Conditions of each trace, from `read_experiments`; unknown if not given.
     peak : float
-        Largest |S| over the set without a warning.
+        |S| over the set above which a warning is given.
     stiction : float
         Largest over smallest force of a slider, or the upper end of the interval that was read if that is larger.
     Fs : float, optional
@@ -105,7 +105,7 @@ def check(
     masses : int
         2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
     within : float, optional
-        Distance [m] or [rad] within which the axis must stay in the end; the page shows whether it does.
+        Distance [m] or [rad] within which the axis must finally stay; the page shows whether it does.
     fit : FrictionFit, optional
         `friction.fit` of a check of other gains with these traces, which saves the seconds of reading them again.
         `spring` and `masses` are then those of the fit.

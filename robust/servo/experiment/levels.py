@@ -126,7 +126,7 @@ _TAKEN = ("sticks", "bends", "slides")
 
 
 def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
-    """Find the levels of a ramp at which the axis sticks, bends and slides.
+    """Find the levels of a ramp at which the friction sticks, bends (its stiffness falls) and slides.
 
     Use this after a ramp by `design_ramp` was played, to choose the levels of the experiments from which friction is
     read.

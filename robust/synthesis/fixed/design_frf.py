@@ -61,7 +61,7 @@ def design_frf(
         Discs of a Bla or model are part of every demand, which then holds for each plant in them. For a matrix, with as
         many inputs as outputs, the controller is diagonal: input k by output k, one loop after the other with those
         before it closed. Each is then judged with all others closed, and designed again if it misses a demand. The
-        whole is checked in the end. A list for any of the next arguments has one entry for each loop.
+        whole is checked last. A list for any of the next arguments has one entry for each loop.
     structure : str, int or ControllerStructure
         "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n"); or one of
         your own, with a given denominator.

@@ -58,14 +58,15 @@ class Design(Unpacked):
         Frequencies with |L| = 1 [rad/s], for the nominal and for every plant of a family; from `design_frf` for one
         loop.
     omega_c : tuple of float
-        Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty without.
+        Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty if none was
+        requested.
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan if they were not computed.
     stability : Stability or None
         From `design_frf`: stability of every plant with K; undecided if its FRF leaves that open. None elsewhere.
     n_lines : int
-        Number of lines of an FRF on which the demands are met, or gamma holds, if a mode between two lines may violate
-        them; 0 if none may.
+        0 if no mode between two lines can violate the demands; otherwise the number of lines, and demands or gamma hold
+        on these only.
     history : tuple of float
         gamma after every iteration, or the worst demand as long as one was not met.
 

@@ -57,7 +57,8 @@ class DkDesign(Unpacked):
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (for a set u = K (r - y), its usual loop); zero if none was found.
+        u = K y, positive feedback through P (for a set, the usual negative feedback u = K (r - y)); zero if none
+        was found.
     mu : float
         Peak of the upper bound over omega with this controller; inf without one.
     omega, curve : (W,) ndarray

@@ -7,7 +7,7 @@ limits      limits: gains of closed-loop channels, for the nominal or for the wh
 loops       the loop around one plant, and its limits: peaks of each over frequency
 minimax     the minimax search: stability first, then the smallest largest limit, at exact peaks
 parameters  all blocks as one matrix of the coordinates of the search, and its slopes
-plants      plants behind hold and delay, or on their lines
+plants      plants with hold and delay, or as FRFs on their lines
 problem     poles, peaks and slopes of all plants at given coordinates
 tune        the entry point
 worst       the worst gain over a set: a disc in closed form, several blocks by scalings

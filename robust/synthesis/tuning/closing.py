@@ -1,11 +1,12 @@
 """The closed loop of a plant and the blocks, its responses, and their derivatives by M (the matrix of the blocks).
 
-With the states of the blocks included in the plant they are one static feedback u = M y (Apkarian & Noll 2006):
+With the states of the blocks included in the plant the blocks are one static feedback u = M y (Apkarian & Noll 2006):
 
     N = M (I - D22 M)^-1,   A + B2 N C2, B1 + B2 N D21, C1 + D12 N C2, D11 + D12 N D21
 
-and dH = L dM R at any frequency with L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). The derivative of
-any limit is Re tr(Q* dH) for some Q, so the gradient is Re tr(R Q* L dM_k) for each parameter.
+are the matrices A_cl, B_cl, C_cl, D_cl of the closed loop H. With X = (sI - A_cl)^-1 B_cl and Y = C_cl (sI - A_cl)^-1,
+dH = L dM R at any frequency s, L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). The derivative of any
+limit is Re tr(Q* dH) for some Q, so the gradient is Re tr(R Q* L dM_k) for each parameter.
 """
 
 from __future__ import annotations
