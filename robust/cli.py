@@ -633,7 +633,7 @@ def export(
         typer.Option(
             "--out",
             "-o",
-            help="File to write: .mat (with a loader .m), .csv (sections), .h (C), .st (structured text).",
+            help="File to write: .mat (with a loader .m), .py (python-control), .csv (sections), .h (C), .st (PLC).",
         ),
     ],
     dtype: Annotated[
@@ -655,7 +655,7 @@ def export(
     if not is_code and (dtype or limit or rounded):
         raise ValueError(f"--dtype, --limit and --rounded must be left out except for .h and .st, got {out}")
     if is_code:
-        K, (late, unit) = models.load_controller(file), models.load_controller_context(file)
+        K, late, unit = from_options.load_controller(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
         given = {"dtype": dtype} if dtype else {}
         if rounded:

@@ -127,7 +127,10 @@ def split_quantity(written: object) -> tuple[float, str]:
     )
     if found is None:
         raise ValueError(f"written must be a number with its unit, got {short_form(written)}")
-    return float(found[1]), found[2]
+    number, unit = found[1], found[2]
+    if number.count(".") > 1 or re.match(r"[,.']|(?!1\s*/)\d", unit):  # "0,9" is no 0 in units of ",9"
+        raise ValueError(f"written must be a number with a decimal point and its unit, got {short_form(written)}")
+    return float(number), unit
 
 
 def _join_unit(unit: str) -> str:

@@ -108,7 +108,7 @@ def _system_text(name: str, system: control.StateSpace) -> str:
     return f"{name} = control.ss({', '.join(map(repr, matrices))}, DT)"
 
 
-_TEMPLATE = '''"""A set of plants for python-control, @CLOCK@; frequencies in rad/s, times in s, gain in @UNIT@.
+_TEMPLATE = '''"""A set of plants for python-control, @CLOCK@; frequencies in rad/s, times in s, unit of G: @UNIT@.
 
 @TITLE@
 

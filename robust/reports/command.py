@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -223,17 +224,38 @@ def load_single_model(path: Path) -> UncertaintyModel:
 
 
 def read_last_column(path: Path) -> np.ndarray:
-    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names."""
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    cells = [line.rpartition(",")[2].strip() for line in lines]
+    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names.
+
+    Columns end at a semicolon or a tab if there is one, else at a comma. A comma that does not separate columns is a
+    decimal comma.
+    """
+    lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    separator = next((mark for mark in ";\t" if any(mark in line for line in lines)), ",")
+    rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
+    names = rows.pop(0) if rows and not _is_number(rows[0][-1].replace(",", ".")) else None
+    if not rows:
+        raise ValueError(f"{path} must have numbers in its last column, got no rows")
+    if separator == "," and all(re.fullmatch(r"[-+]?\d+,\d+", line) for line in lines[-len(rows) :]):
+        if names is None:
+            raise ValueError(
+                f"{path} must have a line of names, or decimal points, got {lines[0]!r}: one number or two columns"
+            )
+        if len(names) == 1:
+            rows = [[".".join(row)] for row in rows]
+    if len({len(row) for row in rows}) > 1:
+        raise ValueError(f"{path} must have equally many columns in every row, got rows of other lengths")
     try:
-        float(cells[0] if cells else "")
-    except ValueError:
-        cells = cells[1:]
-    try:
-        return np.array([float(cell) for cell in cells])
+        return np.array([float(row[-1].replace(",", ".")) for row in rows])
     except ValueError as error:
         raise ValueError(f"{path} must have numbers in its last column, got {one_line(str(error))}") from None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def demand_weight(
@@ -265,17 +287,20 @@ def describe_bandwidth(
     delay: float,
     within: float,
 ) -> str:
-    """Return the wanted and the actual crossover or bandwidth of S [Hz] as text; empty for several channels.
+    """Return the wanted and the actual crossovers or bandwidth of S [Hz] as text; empty for several channels.
 
-    It warns if the crossover misses the wanted one by more than the factor `within`.
+    It warns if every crossover misses the wanted one by more than the factor `within`. A mode may add crossovers.
     """
     if not model.is_single or asked is None:
         return ""
     seen = check(model, K, delay=delay, certify=False).classical
-    name, omega = ("bandwidth of S", seen.bandwidth) if method == "mixsyn" else ("crossover", seen.crossover)
-    got = omega / (2 * np.pi)
-    text = f"{name} {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}, asked {asked:.4g} Hz"
-    if method != "mixsyn" and not asked / within <= got <= asked * within:
+    if method == "mixsyn":
+        got = seen.bandwidth / (2 * np.pi)
+        return f"; bandwidth of S {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}, asked {asked:.4g} Hz"
+    crossovers = np.array(seen.crossovers) / (2 * np.pi)
+    name = "crossover" if crossovers.size <= 1 else "crossovers"
+    text = f"{name} {', '.join(f'{got:.4g} Hz' for got in crossovers) or 'none'}, asked {asked:.4g} Hz"
+    if not np.any((asked / within <= crossovers) & (crossovers <= asked * within)):
         warnings.warn(
             f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant does not allow this "
             "shape of the loop; choose another --bandwidth",

@@ -355,7 +355,8 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
         data_warning(
             f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
             f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. "
-            "Measure there, or use fewer poles if the FRF allows it",
+            "Measure there if the bound stays below |G| there, which friction may prevent; or use fewer poles if the "
+            "FRF allows it",
             DesignWarning,
         )
 

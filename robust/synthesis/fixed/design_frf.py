@@ -108,7 +108,6 @@ def design_frf(
         Number of integrators of a plant that is an FRF. By default estimated, with the sign of the plant, from slope
         and phase of its first lines. If their bound allows several values, the design must hold for each; otherwise its
         stability is not decided.
-        else its stability is not decided.
     prove : MachineWithFriction or (FrictionPlant, MaxwellSlip), optional
         Class of friction with which the loop must be proved to come to rest: the gain is lowered until the proof holds,
         and all else is judged again there.

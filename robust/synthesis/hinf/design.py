@@ -124,6 +124,8 @@ class Design(Unpacked):
         text = (
             f"crossover{'s' * (len(at) > 1)} {most or 'nowhere on the lines'}{f', asked {asked}' * bool(self.omega_c)}"
         )
+        if self.omega_c and self.crossovers and self.crossovers[0] < 0.98 * self.omega_c[0]:
+            text += f" (|L| crosses one at {at[0]} already: a mode may reach the crossover asked)"
         return f"{text}; nominal max |S| {self.peak_S:.3g}, max |T| {self.peak_T:.3g}"
 
     @property

@@ -98,6 +98,8 @@ PID = 'sample_time = "1 ms"; delay = "0.5 ms"; Kp = "800 N/m"; Ki = "5 N/(mm s)"
         ),
         (('Kd = "3 Ns/m"; ', ""), r"got Tf alone. A low_pass in \[\[filters\]\] filters the whole"),
         (("2 ms", "0 ms"), "Tf must be positive, got 0"),
+        (('"800 N/m"', '"0,8"'), "Kp must be a number with its unit, of u over y, such as \"800 N/m\", got '0,8'"),
+        (("800 N/m", "1 800 N/m"), "Kp must be a number with its unit"),
         (("N/(mm s)", "N/mm"), "Ki must be a number with its unit, N/m/s, as Kp has N/m, got '5 N/mm'"),
         (('"3 Ns/m"', "3"), "Kd must be a number with its unit, N/m s, as Kp has N/m, got 3"),
         (('"800 N/m"', "800"), r"Ki must be a number with its unit, 1/s, as Kp has no unit, got '5 N/\(mm s\)'"),
@@ -185,6 +187,9 @@ def test_the_commands_take_it(command, tmp_path):
     by_name = {name: command(f"check model.json {name}")[1] for name in ("pid.toml", "pid.json")}
     assert by_name["pid.toml"].partition("\nPID")[0] == by_name["pid.json"].rstrip()
     assert command("export pid.toml -o K.csv")[0] == command("export pid.toml -o K.mat")[0] == 0
+    code, out, err = command("export pid.toml -o K.h")
+    assert (code, err) == (0, "")
+    assert "static inline" in (tmp_path / "K.h").read_text()
     assert command("shape model.json --controller pid.toml --sample-time 1e-3 -o page.html")[0] == 0
     assert "K = robust.load(" in (tmp_path / "page.html").read_text()
 
