@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # ---- Meaning of a result and advice on the next step.
 
 _REMEDIES = {
-    "noise": "noise: average more periods",
+    "noise": "noise: average more periods or sweeps",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
     "misfit": "misfit of the nominal model: fit it for the crossover of the loop (omega_c, robust model --bandwidth), "

@@ -277,7 +277,7 @@ def uncertainty(
 _NEAR_LARGEST = 4.0
 #: Remedy for each part of a radius.
 _CURES = {
-    "noise": "average more periods",
+    "noise": "average more periods or sweeps",
     "odd": "measure at another level, or use more realisations",
     "even": "look for an offset or an asymmetry",
     "misfit": "the nominal does not fit there; name the crossover (omega_c, --bandwidth), or compare orders",

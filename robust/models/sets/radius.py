@@ -191,9 +191,10 @@ def record_radius_parts(
     """Return the parts (F,) of the absolute radius about the nominal for one record with one channel."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
-    noise = np.nan_to_num(bla.var_noise)
     # for a new realisation: the error of G itself, plus the scatter of one realisation, which M does not reduce
     scatter = bla.bound(spec.p, of="realization", simultaneous=spec.simultaneous) ** 2 / quantile
+    # an FRF from elsewhere has one standard deviation, which shows the scatter of repeated measurements
+    noise = scatter if bla.level_source in ("std", "coherence") else np.nan_to_num(bla.var_noise)
     shares = {
         "noise": np.minimum(noise, scatter),
         "odd": np.maximum(scatter - noise, 0.0),
