@@ -318,6 +318,8 @@ def design(
             )
         words = f"{result.limits_in_words}; {result.reason}"
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
+        if not result.met and isinstance(omega_c, tuple):
+            words += "\na mode above the crossover may lift |L| above one: allow that with --crossover-within inf"
     else:
         with spinner("designing"):
             plant, result = _synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
@@ -338,7 +340,8 @@ def design(
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        say(f"{advice}\n{_describe_limit_checks(plant, model, out, between=result.met and not result.n_lines)}".strip())
+        checked = _describe_limit_checks(plant, model, out, bandwidth, between=result.met and not result.n_lines)
+        say(f"{advice}\n{checked}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not allow this shape of the loop; choose another --bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -872,7 +875,9 @@ def _controller_file(controller: Path, out: Path | None, several: bool) -> Path 
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, *, between: bool) -> str:
+def _describe_limit_checks(
+    plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, bandwidth: float | None, *, between: bool
+) -> str:
     """Return text on the place where the limits of a design were tried, and the command that proves more.
 
     A check uses the weight of a model, which covers every line and also holds outside the band. A limit that holds on
@@ -892,7 +897,7 @@ def _describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pa
         return (
             f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight that "
             "covers these bounds, so it may fail although the lines pass\n"
-            f"prove it:    robust model {model_file} -o {made}; "
+            f"prove it:    robust model {model_file}{f' --bandwidth {bandwidth:g}' if bandwidth else ''} -o {made}; "
             f"robust check {made} {controller}"
         )
     return f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file} {controller}"
