@@ -204,7 +204,7 @@ FAULTS = [
     ),
     Fault(
         "u",
-        "period given wrong by far",
+        "period far off",
         lambda ms, u, y: cut(u, y) | {"n_samples": 1400},
         r"its autocorrelation points to 2000",
         {"n_samples": N},
@@ -299,7 +299,7 @@ FAULTS = [
     ),
     Fault(
         "y",
-        "sensor turned round before the last realisation of three",
+        "sensor reversed before the last realisation of three",
         rewired,
         r"y must have one sign, got: it turns in realisation 2",
     ),
@@ -404,7 +404,7 @@ FAULTS = [
         r"G stands out of its neighbours at \d+\.5 Hz",
         refused=False,
     ),
-    Fault("y", "a blow in one period", on_y(hit), r"y does not repeat in period 5", RESAMPLE),
+    Fault("y", "a shock in one period", on_y(hit), r"y does not repeat in period 5", RESAMPLE),
     Fault(
         "y",
         "channel dead for half a period",

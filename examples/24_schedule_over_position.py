@@ -35,33 +35,20 @@ T, POSITIONS, SPEED = 1e-3, np.array([-0.25, -0.08, 0.08, 0.25]), 1.0  # s, m, m
 
 def machine(p):
     """The frozen plant at a position [m], from force [N] to the position of the carriage [m]."""
-    k, motor, carriage = 2e4 * (1 + 1.2 * p + 2 * p**2), 4.0, 1.0
-    A = [
-        [0, 0, 1, 0],
-        [0, 0, 0, 1],
-        [-(k + 400) / motor, k / motor, -10 / motor, 4 / motor],
-        [k / carriage, -k / carriage, 4 / carriage, -8 / carriage],
-    ]
-    return control.ss(A, [[0], [0], [1 / motor], [0]], [[0, 1, 0, 0]], 0)
+    k = 2e4 * (1 + 1.2 * p + 2 * p**2)  # N/m, between a motor of 4 kg and a carriage of 1 kg
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-(k + 400) / 4, k / 4, -2.5, 1], [k, -k, 4, -8]]
+    return control.ss(A, [[0], [0], [1 / 4], [0]], [[0, 1, 0, 0]], 0)
 
 
 # %%
 # A record at each position: a multisine as force, held over each sample, two periods in steady state with noise.
 ms = nlfrf.multisine("random-odd", fs=1 / T, n_samples=4000, f_min=0.5, f_max=100, rms=20.0, n_realizations=2, rng=1)
-rng = np.random.default_rng(24)
-
-
-def measure(p):
-    """The best linear approximation at a position."""
-    plant, records = control.sample_system(machine(p), T, "zoh"), []
-    for u in ms.u:
-        y = control.forced_response(plant, U=np.tile(u, 4)).outputs.reshape(4, -1)[2:]
-        records.append(y + 1.2e-6 * rng.normal(size=y.shape))
-    u = np.repeat(ms.u[:, None], 2, axis=1)
-    return nlfrf.identify(nlfrf.Record(u=u, y=np.array(records), fs=ms.fs, lines=ms.lines, hold="zoh"))
-
-
-blas = [measure(p) for p in POSITIONS]
+rng, blas, u = np.random.default_rng(24), [], np.repeat(ms.u[:, None], 2, axis=1)
+for p in POSITIONS:
+    G = control.sample_system(machine(p), T, "zoh")
+    played = [control.forced_response(G, U=np.tile(one, 4)).outputs.reshape(4, -1)[2:] for one in ms.u]
+    y = np.array(played) + 1.2e-6 * rng.normal(size=u.shape)
+    blas.append(nlfrf.identify(nlfrf.Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold="zoh")))
 plant = interpolate(blas, at=POSITIONS, n_poles=4, degree=2, dt=T, order=2, over="position", unit="m")
 print(plant)
 
@@ -72,14 +59,13 @@ junctions = [control.summing_junction(["u", "d"], "force"), control.summing_junc
 
 def tune(p):
     """The controller at a position, by `tune` from one start."""
-    resonance = np.abs(plant.at(p).poles()).max()
     blocks = {
         "K": Pid(kp=800, ki=4e3, kd=40, filter_time=3e-3, lower={"filter_time": 2e-3}, reads="e", drives="u_c"),
-        "notch": Notch(omega=resonance, width=0.6, depth=0.3, reads="u_c", drives="u"),
+        "notch": Notch(omega=np.abs(plant.at(p).poles()).max(), width=0.6, depth=0.3, reads="u_c", drives="u"),
     }
-    nominal = Plants(plant.at(p), inputs="force", outputs="y")
     hard = [Limit("d", "force", 1.6), Limit("r", "y", 1.5), Limit("d", "y", 1e-4, band=(0, 1.0))]
-    design = robust.tune(junctions, nominal, blocks, hard=hard, soft=[Limit("d", "y", 1e-4)], dt=T, delay=T, n_starts=1)
+    rest = {"hard": hard, "soft": [Limit("d", "y", 1e-4)], "dt": T, "delay": T, "n_starts": 1}
+    design = robust.tune(junctions, Plants(plant.at(p), inputs="force", outputs="y"), blocks, **rest)
     print(f"{p:5.2f} m: kp {design.blocks['K'].kp:.0f} N/m, notch {design.blocks['notch'].omega / 2 / np.pi:.1f} Hz")
     return design.controller("y", "u")
 
@@ -99,32 +85,25 @@ if proof.holds:
 # schedule, and with the one of the middle alone.
 
 
-def play(controller, n=1000):
-    """The carriage after a push, the machine and its position moving within every sample."""
-    x, state, late = np.array([0, 0, 0.1, 0.0]), np.zeros(controller.order), 0.0
-    trace = []
+def play(controller, n=1000):  # the machine and its position move within every sample
+    x, state, late, trace = np.array([0, 0, 0.1, 0.0]), np.zeros(controller.order), 0.0, []
     for k in range(n):
         p, ahead = (0.25 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * t * SPEED)) for t in (k * T, (k + 0.5) * T))
         now, law = control.sample_system(machine(ahead), T, "zoh"), controller.at(p)
-        y = x[1]
-        trace.append(y)
+        trace.append(y := x[1])
         u = -(law.C @ state + law.D[:, 0] * y)[0]
-        state = law.A @ state + law.B[:, 0] * y
-        x = now.A @ x + now.B[:, 0] * late
-        late = u
+        x, state, late = now.A @ x + now.B[:, 0] * late, law.A @ state + law.B[:, 0] * y, u
     return np.array(trace)
 
 
-middle = LpvModel.from_points([K.at(0.0)] * 2, at=POSITIONS[[0, -1]], over="position", unit="m")
-traces = {"schedule": play(K), "controller of the middle": play(middle)}
-for name, trace in traces.items():
-    print(f"{name}: at most {1e3 * np.abs(trace[300:500]).max():.2f} mm from 0.3 to 0.5 s after the push")
-
 # %%
 # The picture: the controller at each position, and the machine after the push.
+middle = LpvModel.from_points([K.at(0.0)] * 2, at=POSITIONS[[0, -1]], over="position", unit="m")
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
 plot_schedule(K, ax=left)
-for name, trace in traces.items():
+for name, controller in {"schedule": K, "controller of the middle": middle}.items():
+    trace = play(controller)
+    print(f"{name}: at most {1e3 * np.abs(trace[300:500]).max():.2f} mm from 0.3 to 0.5 s after the push")
     right.plot(np.arange(trace.size) * T, 1e3 * trace, label=name)
 right.set(xlabel="time [s]", ylabel="position of the carriage [mm]", title="After a push, at 1 m/s")
 right.legend()

@@ -25,7 +25,7 @@ PRINTED = {
         r"picture: .*loop\.png",
     ],
     "01_identify_then_design": [
-        r"poles: 3 taken",
+        r"3 poles taken",
         r"zeros rad/s: \S+ \(std \S+\)\n",  # one: a second lies above the band, where the data show none
         r"static gain: 1\.1\d+e-05 m/N \(relative std 0\.0\d+\)",
         r"STATISTICALLY ROBUST: this controller keeps every linear plant of the set stable",

@@ -42,7 +42,7 @@ ROWS = {
     "a drive with another velocity feedforward": "test_a_drive_without_the_feedforward_of_the_design_is_named",
     "a level at which friction changes the loop": "test_a_level_so_low_that_friction_changes_the_loop",
     "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
-    "play in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
+    "backlash in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
 }
 
 

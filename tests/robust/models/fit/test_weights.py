@@ -274,7 +274,7 @@ def test_order_zero_is_the_maximum():
 
 
 def test_an_order_too_low_says_which_would_do():
-    with pytest.raises(ValueError, match=r"order must be high enough .* got order 1 .* Order 2 would do"):
+    with pytest.raises(ValueError, match=r"order must be high enough .* got order 1 .* Order 2 is enough"):
         fit_weight(OMEGA, resonance(OMEGA), order=1)
 
 
