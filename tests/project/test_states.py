@@ -45,6 +45,7 @@ REVIEWED = {
     "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
     "nlfrf.bla.bla:covariance_of": "how the level was read, a token that files keep",
+    "robust.models.sets.radius:record_radius_parts": "how the level was read, a token that files keep",
     "nlfrf.records.excited_lines:_excited_lines_on_grid": "the name of a grid",
     "robust.synthesis.fixed.structures:structure_of": "the name of a structure that a user gave",
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",

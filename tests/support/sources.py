@@ -22,4 +22,9 @@ def parsed(folder, pattern="*.py"):
 @cache
 def modules():
     """Return the tree of every module of the packages, by its dotted name."""
-    return {module_of(path): tree for package in PACKAGES for path, tree in parsed(package).items()}
+    return {
+        module_of(path): tree
+        for package in PACKAGES
+        for path, tree in parsed(package).items()
+        if path.stem != "__main__"  # python -m
+    }

@@ -98,7 +98,7 @@ def test_silence_before_and_behind_is_cut_and_said_once(before, behind, noise):
         messages, record = said(u, y, **options)
         assert len(messages) == 1
         assert f"{before:.2g} periods) before" in messages[0]
-        assert ("behind" in messages[0]) == (behind > 0)
+        assert (" after the excitation" in messages[0]) == (behind > 0)
         assert record.n_periods == 4
         bla = nlfrf.identify(record)
         G = signal.freqz(b[0], a, 2 * np.pi * bla.f / FS)[1]
