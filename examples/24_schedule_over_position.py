@@ -1,6 +1,6 @@
 """
 24. A schedule over position: four records, one controller each, proved while the axis moves
-===========================================================================================
+============================================================================================
 
 The belt of a gantry is softer in the middle, so its resonance moves with the position, and a notch has to follow it.
 Four records give four frequency responses; a model interpolates between them, with one weight. A PID with a notch is
