@@ -76,9 +76,9 @@ def test_gains_that_are_positive_of_themselves_are_not_touched():
 @pytest.mark.parametrize(
     ("asked", "refusal"),
     [
-        ({"structure": "lead"}, "positive must be asked of P, I, PI, PD, PID, got it with 'lead'"),
-        ({"structure": 2}, "positive must be asked of"),
-        ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a factor"),
+        ({"structure": "lead"}, "positive must be used with P, I, PI, PD, PID, got it with 'lead'"),
+        ({"structure": 2}, "positive must be used with"),
+        ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a fixed factor"),
         (
             {"structure": "PID", "start": robust.shaping.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3},
             "negative",
@@ -152,14 +152,14 @@ def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_
     plant = control.tf([60.0**2], [1, 2.4, 60.0**2])
     design = robust.design_frf(plant, "PI", positive=True, **ASKED)
     found = advice_on_structure(design.K, OMEGA)
-    assert re.fullmatch(r"Kp = \S+ is at most \S+ % of \|K\| on the lines: K is an int.*Ask for --structure I", found)
+    assert re.fullmatch(r"Kp = \S+ is at most \S+ % of \|K\| on the lines: K is an int.*Use --structure I", found)
     alone = robust.design_frf(plant, "I", positive=True, **ASKED)
     assert gains_of(alone.K)[1] == pytest.approx(gains_of(design.K)[1], rel=1e-3)
 
 
 def test_an_integrator_and_a_derivative_are_no_integrator():
     K = robust.shaping.pid(1e-4, 1.3e8, 930.0, filter_time=1.3e-3)
-    assert advice_on_structure(K, OMEGA).endswith("Use the parallel form, or ask for --structure PI or I")
+    assert advice_on_structure(K, OMEGA).endswith("Use the parallel form, or --structure PI or I")
 
 
 @pytest.mark.parametrize(
