@@ -28,7 +28,7 @@ both = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 first, second = (nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : m + 1])) for m in (0, 1))
 
 # %%
-# How many poles? The fewest that allow a crossover of 20 Hz: |T_c| times the radius stays below one half.
+# How many poles? The fewest that allow a crossover of 20 Hz: the size of T_c times the radius stays below one half.
 scan = robust.models.scan_orders(first, n_poles=range(1, 6), omega_c=2 * np.pi * 20)
 print(scan)
 nominal = scan.fit

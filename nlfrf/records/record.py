@@ -93,6 +93,7 @@ class Record(Channels):
 
     `identify` takes it. Make it from arrays that are cut into periods already; `load_record` reads a file, and
     `record_from_samples` cuts and screens streams of samples.
+
     Parameters
     ----------
     u : (M, P, N) or (n_u, M, P, N) ndarray

@@ -35,6 +35,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox). For a
     proof it assembles the inequality and returns the largest eigenvalue, which has to be negative. The warnings are in
     the struct, as `warnings`, and at the end of the loader.
+
     Parameters
     ----------
     content : UncertaintyModel, RobustnessReport or a controller

@@ -94,6 +94,7 @@ def bounds(
 
     Use this for the size of the smallest structured perturbation that makes a loop unstable. For a bound of a gain over
     a set of perturbations use `worst_gain`.
+
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray

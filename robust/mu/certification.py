@@ -40,6 +40,7 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
     Use this for robust stability (level one) of a loop whose perturbation has several blocks.
+
     Parameters
     ----------
     N_ss : control.StateSpace

@@ -80,6 +80,7 @@ def parameter_margin(
     A box larger by this gap contains an unstable loop; if that was not shown, `met` is False.
 
     Use this for physical parameters with tolerances, for which complex perturbations would be too conservative.
+
     Parameters
     ----------
     N_ss : control.StateSpace

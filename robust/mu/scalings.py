@@ -64,6 +64,7 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     """Return an upper bound of mu, the structured singular value: with perturbations below 1/value the loop is stable.
 
     Use this at given frequencies. `certify` proves a level at all frequencies, `bounds` gives both bounds.
+
     Parameters
     ----------
     N : (n_out, n_in, W) ndarray

@@ -529,6 +529,7 @@ def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     For noise of any colour each line is weighted by its power over that of its neighbours, or over their noise: either
     many lines contribute little or a few contribute much. A drift leaks into all lines and is smooth over them, while
     the response to random phases is rough. So the smooth part is removed.
+
     Parameters
     ----------
     X : (P, F) complex ndarray

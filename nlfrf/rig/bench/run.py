@@ -33,6 +33,7 @@ def run(
     A `Rig` moves under a force [N], from rest. With a controller around it the signal is the reference of the measured
     positions [m]. A `ServoAxis` follows set points of its drive. A friction law alone takes a velocity [m/s], linear
     between samples, from rest: for hysteresis loops and Stribeck curves.
+
     Parameters
     ----------
     machine : Rig, ServoAxis or friction law

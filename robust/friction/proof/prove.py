@@ -47,6 +47,7 @@ def prove_friction(
 
     Use this for a machine whose friction law is unknown and whose limits are known: see "What can be proved of a
     machine with friction" in the guide. A proof names its class and its linear plant, and does not hold for others.
+
     Parameters
     ----------
     machine : FrictionPlant
