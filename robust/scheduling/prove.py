@@ -114,6 +114,8 @@ class ScheduleProof:
         if self.broken is not None:
             lines.append(f"  {self.broken.describe(unit)}")
         held = " and held within a sample" if self.K.dt and np.isinf(self.rate) else ""
+        if self.K.dt and self.plant.weight is not None:
+            held += "; the perturbation acts from sample to sample, aliases of the set above Nyquist are not in it"
         lines.append(
             f"  assumed: matrices go with {self.plant.over} as polynomials of degree {len(self.plant.A) - 1}, in this "
             f"realisation; {self.plant.over} is known to the controller{held}"
@@ -186,7 +188,8 @@ def prove_schedule(
     causal perturbation of gain one in the set of the plant. The inequality is decided at every p, in balls. That the
     loop is stable with p held anywhere proves nothing of this (Shamma & Athans).
 
-    A sampled controller acts on the continuous plant behind a hold; the motion of p within a sample is covered.
+    A sampled controller acts on the continuous plant through a hold; the motion of p within a sample is covered. The
+    perturbation then acts from sample to sample: aliases of the set above Nyquist are not in it.
 
     Parameters
     ----------
