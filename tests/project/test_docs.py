@@ -239,7 +239,7 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
         "MIMO": "howto/machines.html",
         "closed loop reference": "howto/closed_loop.html",
         "gain margin": "generated/api/robust.margins.disk_margin.html",
-        "biquads": "howto/index.html",
+        "biquads": "howto/csv_to_pid.html",
         "statistically robust": "guide/bounds.html",
         "tune a PID": "howto/csv_to_pid.html",
         "choose the amplitude": "howto/which_signal.html",
